@@ -1,0 +1,1 @@
+"""Recorded runs: records <-> bytes <-> rosbag2 directories, replay and report."""

@@ -1,0 +1,230 @@
+"""Messages whose length varies: records <-> bytes, through rosbags' serialiser."""
+
+import json
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, cast, final
+
+import numpy as np
+
+from bags.codecs import stamp_of
+from bags.errors import BagError
+from bags.records import AttackAction, AttackRecord, DesignRecord, DiagnosticLevel, HistoryRecord
+from bags.topic import Topic
+from bags.typestore import typestore
+from monitor.link_monitor import MonitorOutput
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AttackEventCodec:
+    """`dcmg_msgs/msg/AttackEvent` on /attacks/events."""
+
+    topic: Topic
+    period_ns: int
+
+    def encode(self, record: AttackRecord) -> bytes:
+        """Bytes of one event."""
+        return _serialize(
+            self.topic.type_name,
+            header=_header(record.step, self.period_ns, f"{record.source}-{record.target}"),
+            step=record.step,
+            attack=record.attack,
+            source=record.source,
+            target=record.target,
+            action=int(record.action),
+            kind=record.kind,
+            parameters=record.parameters,
+            origin=record.origin,
+        )
+
+    def decode(self, data: bytes) -> AttackRecord:
+        """The event."""
+        message = _deserialize(self.topic.type_name, data)
+        return AttackRecord(
+            step=message.step,
+            attack=message.attack,
+            source=message.source,
+            target=message.target,
+            action=AttackAction(message.action),
+            kind=message.kind,
+            parameters=message.parameters,
+            origin=message.origin,
+        )
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DiagnosticsCodec:
+    """`diagnostic_msgs/msg/DiagnosticArray` of one monitor: one status for each incoming link, once a second."""
+
+    topic: Topic
+    period_ns: int
+    monitor: int
+    sources: tuple[int, ...]
+
+    def due(self, step: int) -> bool:
+        """Whether step k is the first one in a new whole second; step 0 is."""
+        second = step * self.period_ns // 1_000_000_000
+        return step == 0 or second != (step - 1) * self.period_ns // 1_000_000_000
+
+    def encode(self, step: int, outputs: Sequence[MonitorOutput]) -> bytes:
+        """Bytes of step k.
+
+        Args:
+            step: k.
+            outputs: What the monitor concludes from each incoming link, in the order of `sources`.
+        """
+        status = [self._status(source, output) for source, output in zip(self.sources, outputs, strict=True)]
+        return _serialize(
+            self.topic.type_name, header=_header(step, self.period_ns, f"dgu_{self.monitor}"), status=status
+        )
+
+    def decode(self, data: bytes) -> Mapping[int, DiagnosticLevel]:
+        """Level of each incoming link by the number of the watched DGU."""
+        message = _deserialize(self.topic.type_name, data)
+        return {
+            int(status.name.rpartition(" ")[2].partition("-")[0]): DiagnosticLevel(status.level)
+            for status in message.status
+        }
+
+    def _status(self, source: int, output: MonitorOutput) -> object:
+        level, sentence = _judge(output)
+        values = {
+            "phase": _PHASES[int(output.phase)],
+            "residual": _plain(output.residual),
+            "threshold": _plain(output.threshold),
+        }
+        return _message(
+            "diagnostic_msgs/msg/DiagnosticStatus",
+            level=int(level),
+            name=f"monitor_{self.monitor}: link {source}-{self.monitor}",
+            message=sentence,
+            hardware_id=f"dgu_{self.monitor}",
+            values=[_message("diagnostic_msgs/msg/KeyValue", key=key, value=value) for key, value in values.items()],
+        )
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HistoryCodec:
+    """`dcmg_msgs/msg/History` of one DGU: one message for each offline experiment."""
+
+    topic: Topic
+    dgu: int
+
+    def encode(self, record: HistoryRecord) -> bytes:
+        """Bytes of one experiment."""
+        return _serialize(
+            self.topic.type_name,
+            header=_header(0, 0, f"dgu_{self.dgu}"),
+            dgu=record.dgu,
+            experiment=record.experiment,
+            experiments=record.experiments,
+            sampling_period_sec=record.sampling_period_sec,
+            samples=len(record.y),
+            inputs=record.u.shape[1],
+            outputs=record.y.shape[1],
+            states=record.x.shape[1],
+            u=np.ascontiguousarray(record.u, dtype=np.float64).ravel(),
+            y=np.ascontiguousarray(record.y, dtype=np.float64).ravel(),
+            x=np.ascontiguousarray(record.x, dtype=np.float64).ravel(),
+        )
+
+    def decode(self, data: bytes) -> HistoryRecord:
+        """The experiment.
+
+        Raises:
+            BagError: The arrays do not have the announced shapes.
+        """
+        message = _deserialize(self.topic.type_name, data)
+        shapes = {name: (message.samples, getattr(message, columns)) for name, columns in _HISTORY_COLUMNS.items()}
+        for name, shape in shapes.items():
+            if getattr(message, name).size != shape[0] * shape[1]:
+                raise BagError(
+                    f"{self.topic.name}: {name} has {getattr(message, name).size} values, "
+                    f"expected {shape[0]} rows of {shape[1]}"
+                )
+        arrays = {name: np.array(getattr(message, name)).reshape(shape) for name, shape in shapes.items()}
+        return HistoryRecord(
+            dgu=message.dgu,
+            experiment=message.experiment,
+            experiments=message.experiments,
+            sampling_period_sec=message.sampling_period_sec,
+            **arrays,
+        )
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DesignCodec:
+    """`dcmg_msgs/msg/Design` of one link."""
+
+    topic: Topic
+    source: int
+    monitor: int
+
+    def encode(self, record: DesignRecord) -> bytes:
+        """Bytes of one design."""
+        return _serialize(
+            self.topic.type_name,
+            header=_header(0, 0, f"dgu_{self.monitor}"),
+            source=record.source,
+            monitor=record.monitor,
+            observer=record.observer,
+            accepted=record.accepted,
+            verdict=record.verdict,
+            certificate=record.certificate,
+        )
+
+    def decode(self, data: bytes) -> DesignRecord:
+        """The design."""
+        message = _deserialize(self.topic.type_name, data)
+        return DesignRecord(
+            source=message.source,
+            monitor=message.monitor,
+            observer=message.observer,
+            accepted=message.accepted,
+            verdict=message.verdict,
+            certificate=message.certificate,
+        )
+
+
+_HISTORY_COLUMNS = {"u": "inputs", "y": "outputs", "x": "states"}
+# the constants of Residual.msg
+_PHASES = ("refused", "settling", "calibrating", "armed")
+_ARMED = 3
+
+
+def _judge(output: MonitorOutput) -> tuple[DiagnosticLevel, str]:
+    phase = int(output.phase)
+    if phase == 0:
+        return DiagnosticLevel.STALE, "not monitored: no observer could be designed"
+    if phase < _ARMED:
+        return DiagnosticLevel.WARN, f"not armed yet: {_PHASES[phase]}"
+    return (DiagnosticLevel.ERROR, "alarm") if output.alarm else (DiagnosticLevel.OK, "armed, no alarm")
+
+
+def _plain(numbers: Iterable[object]) -> str:
+    return json.dumps([float(cast("float", number)) for number in numbers])
+
+
+def _header(step: int, period_ns: int, frame_id: str) -> object:
+    sec, nanosec = stamp_of(step, period_ns)
+    stamp = _message("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec)
+    return _message("std_msgs/msg/Header", stamp=stamp, frame_id=frame_id)
+
+
+def _message(type_name: str, **fields: object) -> Any:  # noqa: ANN401 - rosbags makes its classes at run time
+    return cast("Any", typestore().types[type_name])(**fields)
+
+
+def _serialize(type_name: str, **fields: object) -> bytes:
+    return bytes(typestore().serialize_cdr(_message(type_name, **fields), type_name, little_endian=True))
+
+
+def _deserialize(type_name: str, data: bytes) -> Any:  # noqa: ANN401 - rosbags makes its classes at run time
+    try:
+        return typestore().deserialize_cdr(data, type_name)
+    except Exception as error:  # rosbags raises whatever the damaged bytes lead to
+        raise BagError(f"{type_name}: found {len(data)} bytes that cannot be decoded ({error})") from error

@@ -1,0 +1,121 @@
+"""What the messages of varying occasion say, as frozen data.
+
+The per-step messages carry records of `dgu_sim` and `monitor`; these here are the ones that nobody else owns.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+
+class AttackAction(IntEnum):
+    """What happened to an attack: the constants of AttackEvent.msg."""
+
+    START = 1
+    STOP = 2
+
+
+class DiagnosticLevel(IntEnum):
+    """The levels of diagnostic_msgs/DiagnosticStatus."""
+
+    OK = 0
+    WARN = 1
+    ERROR = 2
+    STALE = 3
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AttackRecord:
+    """The attacker starts or stops acting on a link.
+
+    Attributes:
+        step: First sample that is affected (START) or clean again (STOP).
+        attack: Number of the attack within the run, from 1.
+        source: Number of the sending DGU.
+        target: Number of the receiving DGU.
+        action: START or STOP.
+        kind: Name of the attack class.
+        parameters: JSON object with its parameters (SI units).
+        origin: "scenario" or "service".
+    """
+
+    step: int
+    attack: int
+    source: int
+    target: int
+    action: AttackAction
+    kind: str
+    parameters: str
+    origin: str
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AlarmRecord:
+    """An alarm on the link source -> monitor starts (active) or ends.
+
+    Attributes:
+        step: Step at which the detector's verdict changed.
+        source: Number of the watched DGU.
+        monitor: Number of the DGU that hosts the monitor.
+        active: True: the alarm starts; false: it ends.
+        residual: r at this step, 3 components [V, A, V s].
+        threshold: Threshold at this step, 3 components [V, A, V s].
+    """
+
+    step: int
+    source: int
+    monitor: int
+    active: bool
+    residual: tuple[float, ...]
+    threshold: tuple[float, ...]
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class HistoryRecord:
+    """One offline experiment on one DGU.
+
+    Attributes:
+        dgu: Number of the DGU.
+        experiment: Number of this experiment, from 0.
+        experiments: How many experiments the whole history has.
+        sampling_period_sec: T_s [s].
+        u: Known inputs, shape (T, m), SI units.
+        y: Outputs, shape (T, p) [V, A, V s].
+        x: States, shape (T, n) [V, A, V s].
+    """
+
+    dgu: int
+    experiment: int
+    experiments: int
+    sampling_period_sec: float
+    u: NDArray[np.float64]
+    y: NDArray[np.float64]
+    x: NDArray[np.float64]
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DesignRecord:
+    """The observer designed for the link source -> monitor, or why there is none.
+
+    Attributes:
+        source: Number of the watched DGU.
+        monitor: Number of the DGU that hosts the monitor.
+        observer: Name of the design method.
+        accepted: False: refused, the link is not monitored.
+        verdict: In words.
+        certificate: JSON document.
+    """
+
+    source: int
+    monitor: int
+    observer: str
+    accepted: bool
+    verdict: str
+    certificate: str

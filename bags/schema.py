@@ -1,0 +1,190 @@
+"""Every recorded topic of a run, in canonical order.
+
+The order is the order of the messages of one step in a bag and of the channels in its file: so a run in processes,
+composed, or offline leaves the same messages in the same order. Per-step messages come first, then the events of
+that step; latched messages stand before step 0.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import final
+
+from bags.cdr import Layout, layout_of
+from bags.codecs import AlarmCodec, ClockCodec, OutputCodec, ResidualCodec, StateCodec, TickCodec
+from bags.documents import AttackEventCodec, DesignCodec, DiagnosticsCodec, HistoryCodec
+from bags.topic import Topic, TopicKind
+from dgu_sim.grid import Link
+
+CLOCK_NODE = "clock"
+ATTACKER_NODE = "attacker"
+
+
+def dgu_name(dgu: int) -> str:
+    """Name of a DGU and of its node: `dgu_1`."""
+    return f"dgu_{dgu}"
+
+
+def monitor_name(dgu: int) -> str:
+    """Name of the monitor node on a DGU: `monitor_1`."""
+    return f"monitor_{dgu}"
+
+
+@final
+@dataclass(frozen=True, kw_only=True)
+class RunTopics:
+    """The topics of a run and their codecs.
+
+    Attributes:
+        dgus: DGU numbers, ascending.
+        links: Directed communication links, ordered by (target, source).
+        sampling_period_ns: T_s [ns].
+    """
+
+    dgus: tuple[int, ...]
+    links: tuple[Link, ...]
+    sampling_period_ns: int
+
+    @property
+    def monitors(self) -> tuple[int, ...]:
+        """The DGUs that receive something, ascending: each hosts a monitor."""
+        return tuple(dgu for dgu in self.dgus if self.sources(dgu))
+
+    def sources(self, monitor: int) -> tuple[int, ...]:
+        """The DGUs that a DGU receives from, ascending."""
+        return tuple(link.source for link in self.links if link.target == monitor)
+
+    @cached_property
+    def all(self) -> tuple[Topic, ...]:
+        """Every recorded topic in canonical order."""
+        events = [self.alarms(dgu).topic for dgu in self.monitors]
+        events += [self.attack_events().topic, self._diagnostics_topic()]
+        latched = [self.history(dgu).topic for dgu in self.dgus] + [self.design(link).topic for link in self.links]
+        return (*self.per_step, *events, *latched)
+
+    @cached_property
+    def per_step(self) -> tuple[Topic, ...]:
+        """The topics with exactly one message at every step, in canonical order."""
+        return (
+            self.clock().topic,
+            self.tick().topic,
+            *(self.state(dgu).topic for dgu in self.dgus),
+            *(self.output(dgu).topic for dgu in self.dgus),
+            *(self.received(link).topic for link in self.links),
+            *(self.residual(link).topic for link in self.links),
+        )
+
+    def published_by(self, node: str) -> tuple[Topic, ...]:
+        """The recorded topics that one node publishes."""
+        return tuple(topic for topic in self.all if node in topic.publishers)
+
+    def stamp_ns(self, step: int) -> int:
+        """Stamp of step k [ns]."""
+        return step * self.sampling_period_ns
+
+    def clock(self) -> ClockCodec:
+        """Simulated time on /clock."""
+        topic, layout = _fixed("/clock", "rosgraph_msgs/msg/Clock", CLOCK_NODE)
+        return ClockCodec(topic=topic, layout=layout, period_ns=self.sampling_period_ns)
+
+    def tick(self) -> TickCodec:
+        """Step release on /tick."""
+        topic, layout = _fixed("/tick", "dcmg_msgs/msg/Tick", CLOCK_NODE)
+        return TickCodec(topic=topic, layout=layout, period_ns=self.sampling_period_ns)
+
+    def state(self, dgu: int) -> StateCodec:
+        """Ground truth of a DGU."""
+        topic, layout = _fixed(f"/dgu_{dgu}/state", "dcmg_msgs/msg/State", dgu_name(dgu), dgu_name(dgu))
+        return StateCodec(topic=topic, layout=layout, period_ns=self.sampling_period_ns, dgu=dgu)
+
+    def output(self, dgu: int) -> OutputCodec:
+        """Output of a DGU as sent."""
+        topic, layout = _fixed(f"/dgu_{dgu}/output", "dcmg_msgs/msg/Output", dgu_name(dgu), dgu_name(dgu))
+        return OutputCodec(topic=topic, layout=layout, period_ns=self.sampling_period_ns, source=dgu)
+
+    def received(self, link: Link) -> OutputCodec:
+        """Output of a DGU as received over a link."""
+        name = f"/dgu_{link.target}/received/dgu_{link.source}"
+        topic, layout = _fixed(name, "dcmg_msgs/msg/Output", ATTACKER_NODE, dgu_name(link.source))
+        return OutputCodec(topic=topic, layout=layout, period_ns=self.sampling_period_ns, source=link.source)
+
+    def residual(self, link: Link) -> ResidualCodec:
+        """What the monitor on the link's target concludes."""
+        name = f"/dgu_{link.target}/residual/dgu_{link.source}"
+        topic, layout = _fixed(name, "dcmg_msgs/msg/Residual", monitor_name(link.target), dgu_name(link.target))
+        return ResidualCodec(
+            topic=topic,
+            layout=layout,
+            period_ns=self.sampling_period_ns,
+            source=link.source,
+            monitor=link.target,
+        )
+
+    def alarms(self, monitor: int) -> AlarmCodec:
+        """Starting and ending alarms of a monitor."""
+        topic, layout = _fixed(
+            f"/dgu_{monitor}/alarms",
+            "dcmg_msgs/msg/Alarm",
+            monitor_name(monitor),
+            dgu_name(monitor),
+            kind=TopicKind.EVENT,
+        )
+        return AlarmCodec(topic=topic, layout=layout, period_ns=self.sampling_period_ns, monitor=monitor)
+
+    def attack_events(self) -> AttackEventCodec:
+        """Starting and ending attacks."""
+        topic = Topic(
+            name="/attacks/events",
+            type_name="dcmg_msgs/msg/AttackEvent",
+            publishers=(ATTACKER_NODE,),
+            kind=TopicKind.EVENT,
+        )
+        return AttackEventCodec(topic=topic, period_ns=self.sampling_period_ns)
+
+    def diagnostics(self, monitor: int) -> DiagnosticsCodec:
+        """Health of a monitor's links, once per simulated second."""
+        return DiagnosticsCodec(
+            topic=self._diagnostics_topic(),
+            period_ns=self.sampling_period_ns,
+            monitor=monitor,
+            sources=self.sources(monitor),
+        )
+
+    def history(self, dgu: int) -> HistoryCodec:
+        """Offline experiments of a DGU."""
+        topic = _latched(f"/dgu_{dgu}/history", "dcmg_msgs/msg/History", dgu_name(dgu))
+        return HistoryCodec(topic=topic, dgu=dgu)
+
+    def design(self, link: Link) -> DesignCodec:
+        """Observer designed for a link."""
+        name = f"/dgu_{link.target}/design/dgu_{link.source}"
+        topic = _latched(name, "dcmg_msgs/msg/Design", monitor_name(link.target))
+        return DesignCodec(topic=topic, source=link.source, monitor=link.target)
+
+    def _diagnostics_topic(self) -> Topic:
+        return Topic(
+            name="/diagnostics",
+            type_name="diagnostic_msgs/msg/DiagnosticArray",
+            publishers=tuple(monitor_name(dgu) for dgu in self.monitors),
+            kind=TopicKind.EVENT,
+        )
+
+
+def run_topics(dgus: Sequence[int], links: Sequence[Link], sampling_period_ns: int) -> RunTopics:
+    """The topics of a run; DGUs and links are put into canonical order."""
+    return RunTopics(
+        dgus=tuple(sorted(dgus)),
+        links=tuple(sorted(links, key=lambda link: (link.target, link.source))),
+        sampling_period_ns=sampling_period_ns,
+    )
+
+
+def _fixed(
+    name: str, type_name: str, node: str, frame_id: str = "", kind: TopicKind = TopicKind.PER_STEP
+) -> tuple[Topic, Layout]:
+    layout = layout_of(type_name, frame_id)
+    return Topic(name=name, type_name=type_name, publishers=(node,), kind=kind, layout=layout), layout
+
+
+def _latched(name: str, type_name: str, node: str) -> Topic:
+    return Topic(name=name, type_name=type_name, publishers=(node,), kind=TopicKind.LATCHED)
