@@ -1,0 +1,227 @@
+"""What the commands do, once their arguments are parsed: each returns the exit code."""
+
+from __future__ import annotations
+
+import datetime
+import json as json_module
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dgu_sim.scenario import load_scenario
+from rich.console import Console
+from rich.table import Table
+
+from dcmg_bringup.errors import BringupError
+from dcmg_bringup.live import LiveDisplay
+from dcmg_bringup.shipped import scenario_path, shipped_scenarios
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from bags.report import RunSummary
+    from dcmg_nodes.pacing import PacingMode
+    from dgu_sim.scenario import Scenario
+
+_EXIT_FAILED = 1
+_EXIT_INTERRUPTED = 130
+_PLOTS = "plots"
+
+# Progress and messages go to standard error, so that standard output carries the result alone.
+_messages = Console(stderr=True)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScenarioOptions:
+    """Which scenario, and what is changed in it.
+
+    Attributes:
+        name: name of a shipped scenario or path of a file.
+        duration_sec: simulated length [s], None: as in the file.
+        seed: seed, None: as in the file.
+        out: folder to write to, None: a new one below `out`.
+        overrides: further changes, "a.b=value".
+    """
+
+    name: str
+    duration_sec: float | None
+    seed: int | None
+    out: Path | None
+    overrides: Sequence[str]
+
+    def load(self) -> Scenario:
+        """Read and check the scenario.
+
+        Raises:
+            ScenarioError: it is not valid.
+        """
+        changes = list(self.overrides)
+        if self.duration_sec is not None:
+            changes.append(f"duration_sec={self.duration_sec!r}")
+        if self.seed is not None:
+            changes.append(f"seed={self.seed}")
+        return load_scenario(scenario_path(self.name), changes)
+
+    def folder(self, scenario: Scenario) -> Path:
+        """Return the folder to write to, which does not hold anything yet.
+
+        Raises:
+            BringupError: the wanted folder holds something.
+        """
+        now = datetime.datetime.now(tz=datetime.UTC).astimezone()
+        out = self.out or Path("out") / f"{scenario.name}-{now:%Y%m%d-%H%M%S}"
+        if out.exists() and (not out.is_dir() or any(out.iterdir())):
+            raise BringupError(f"--out {out}: expected a new or empty folder, found one that holds something")
+        return out
+
+
+def run(
+    options: ScenarioOptions,
+    *,
+    pacing: PacingMode,
+    rate: float,
+    composed: bool,
+    domain: int | None,
+    json: bool,
+    plots: bool,
+) -> int:
+    """Run a scenario over ROS 2 and show what the monitors saw."""
+    from dcmg_nodes.pacing import PacingMode  # noqa: PLC0415
+
+    from dcmg_bringup.run_job import RunOptions, run_job  # noqa: PLC0415 (rclpy only when needed)
+
+    if rate != 1.0 and pacing is PacingMode.LOCKSTEP:
+        raise BringupError(f"--rate {rate:g}: expected only together with --pacing realtime")
+    scenario = options.load()
+    out = options.folder(scenario)
+    run_options = RunOptions(pacing=pacing, rate=rate, composed=composed, domain=domain)
+    with LiveDisplay(_messages, scenario.steps, scenario.sampling_period_sec) as display:
+        outcome = run_job(scenario, out, run_options, display)
+    if outcome.lost:
+        _messages.print(f"[red]{outcome.lost} message(s) were published and not recorded[/]: see {out / 'log'}")
+    if outcome.deadline_misses:
+        _messages.print(f"{outcome.deadline_misses} step(s) were released more than one sampling period late")
+    if outcome.failure is not None:
+        _messages.print(f"dcmg: {outcome.failure}; the bag holds what came before: {outcome.bag}", highlight=False)
+        return _EXIT_FAILED
+    if outcome.interrupted:
+        _messages.print(f"interrupted at step {outcome.steps}; the bag is closed: {outcome.bag}", highlight=False)
+        return _EXIT_INTERRUPTED
+    _show(outcome.bag, out if plots else None, json=json)
+    return _EXIT_FAILED if outcome.lost else 0
+
+
+def simulate(options: ScenarioOptions, *, json: bool, plots: bool) -> int:
+    """Do the same run without ROS."""
+    from bags.offline import simulate_to_bag  # noqa: PLC0415 (heavy)
+
+    scenario = options.load()
+    out = options.folder(scenario)
+    out.mkdir(parents=True, exist_ok=True)
+    with LiveDisplay(_messages, scenario.steps, scenario.sampling_period_sec) as display:
+        bag = simulate_to_bag(scenario, out / "bag", display.steps)
+    _show(bag, out if plots else None, json=json)
+    return 0
+
+
+def replay(bag: Path, *, overrides: Sequence[str], out: Path | None, json: bool) -> int:
+    """Evaluate the recorded received outputs of a run again."""
+    from bags.plots import draw  # noqa: PLC0415 (heavy)
+    from bags.reader import read_run  # noqa: PLC0415
+    from bags.replay import replay as replay_run  # noqa: PLC0415
+    from bags.report import summary  # noqa: PLC0415
+
+    record = replay_run(read_run(bag), overrides)
+    pictures = draw(record, out) if out is not None else ()
+    _print(summary(record, bag), pictures, json=json)
+    return 0
+
+
+def experiment(options: ScenarioOptions, *, dgus: Sequence[int]) -> int:
+    """Write the offline experiments of DGUs as a bag of histories."""
+    from bags.histories import write_histories  # noqa: PLC0415 (heavy)
+
+    scenario = options.load()
+    known = [dgu.id for dgu in scenario.dgus]
+    for dgu in dgus:
+        if dgu not in known:
+            raise BringupError(f"--dgu {dgu}: scenario {scenario.name} has {', '.join(map(str, known))}")
+    out = options.folder(scenario)
+    out.mkdir(parents=True, exist_ok=True)
+    bag = write_histories(scenario, dgus or known, out / "history")
+    Console().print(f"histories of DGU {', '.join(map(str, dgus or known))}: {bag}", highlight=False, soft_wrap=True)
+    return 0
+
+
+def list_scenarios() -> None:
+    """Print name and description of each shipped scenario."""
+    table = Table("scenario", "what it is", box=None)
+    for name, path in shipped_scenarios().items():
+        table.add_row(name, " ".join(load_scenario(path).description.split()))
+    Console().print(table)
+
+
+def node(
+    names: Sequence[str],
+    scenario: str,
+    overrides: Sequence[str],
+    *,
+    out: Path,
+    pacing: PacingMode,
+    rate: float,
+    start_timeout_sec: float,
+) -> int:
+    """Run single nodes until the run ends."""
+    from dcmg_nodes.main import NodeOptions, run_nodes  # noqa: PLC0415 (rclpy only when needed)
+
+    options = NodeOptions(out=out, pacing=pacing, rate=rate, start_timeout_sec=start_timeout_sec)
+    failure = run_nodes(names, load_scenario(scenario_path(scenario), overrides), options)
+    if failure is not None:
+        raise BringupError(failure)
+    return 0
+
+
+def _show(bag: Path, plots_dir: Path | None, *, json: bool) -> None:
+    """Read the bag back and show what it says: what a person sees is what is recorded."""
+    from bags.reader import read_run  # noqa: PLC0415 (heavy)
+    from bags.report import summary  # noqa: PLC0415
+
+    record = read_run(bag)
+    pictures: Sequence[Path] = ()
+    if plots_dir is not None:
+        from bags.plots import draw  # noqa: PLC0415 (heavy)
+
+        with _messages.status("drawing"):
+            pictures = draw(record, plots_dir / _PLOTS)
+    _print(summary(record, bag), pictures, json=json)
+
+
+def _print(result: RunSummary, pictures: Sequence[Path], *, json: bool) -> None:
+    if json:
+        print(json_module.dumps({**result.document(), "plots": [str(path) for path in pictures]}))  # noqa: T201
+        return
+    console = Console()
+    console.print(_table(result))
+    console.print(f"bag:   {result.bag}", highlight=False, soft_wrap=True)
+    for path in pictures:
+        console.print(f"plot:  {path}", highlight=False, soft_wrap=True)
+
+
+def _table(result: RunSummary) -> Table:
+    table = Table(title=f"{result.scenario}: {result.steps} steps, seed {result.seed}", title_justify="left")
+    for heading in ("link", "attack", "alarm [s]", "delay [s]", "false alarms", "max |r| before", "max |r| after"):
+        table.add_column(heading, justify="left" if heading in {"link", "attack"} else "right")
+    for link in result.links:
+        attack = "" if link.attack_start_sec is None else f"from {link.attack_start_sec:g} s"
+        missed = "missed" if link.attacked else ""
+        table.add_row(
+            f"{link.source} → {link.target}",
+            attack,
+            missed if link.alarm_sec is None else f"{link.alarm_sec:.2f}",
+            "" if link.detection_delay_sec is None else f"{link.detection_delay_sec:.2f}",
+            str(link.false_alarms),
+            f"{link.max_abs_residual_before:.2e}",
+            "" if link.max_abs_residual_after is None else f"{link.max_abs_residual_after:.2e}",
+            style="bold red" if link.attacked else None,
+        )
+    return table

@@ -1,0 +1,112 @@
+"""The attacker: a relay on every communication link, transparent until an attack is started on one."""
+
+from __future__ import annotations
+
+import json
+from functools import partial
+from typing import TYPE_CHECKING
+
+from bags.convert import attack_record
+from bags.schema import ATTACKER_NODE
+from dcmg_msgs.msg import AttackEvent
+from dcmg_msgs.srv import ListAttacks, StartAttack, StopAttack
+from dgu_sim.errors import AttackError
+from dgu_sim.grid import Link
+
+from dcmg_nodes.inbox import Inbox
+from dcmg_nodes.ports import Ports
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from dcmg_nodes.lifetime import Lifetime
+    from dgu_sim.relay import Relay, RelayEvent, RelayState
+
+    from dcmg_nodes.wiring import Wiring
+
+START_SERVICE, STOP_SERVICE, LIST_SERVICE = "/attacks/start", "/attacks/stop", "/attacks/list"
+
+
+class AttackerNode:
+    """Fires step k when the outputs of all DGUs for step k are in; relays them on every link."""
+
+    def __init__(self, wiring: Wiring, lifetime: Lifetime, relay: Relay, state: RelayState, steps: int) -> None:
+        """Subscribe to every output and offer the services that start, stop and list attacks."""
+        self.ports = Ports(ATTACKER_NODE, wiring, lifetime)
+        self._relay = relay
+        self._state = state
+        self._step = 0
+        self._steps = steps
+        topics = wiring.topics
+        self._outputs = [topics.output(dgu) for dgu in topics.dgus]
+        self._inbox: Inbox[bytes] = Inbox([codec.topic.name for codec in self._outputs])
+        for slot, codec in enumerate(self._outputs):
+            self.ports.subscribe(codec.topic, partial(self._receive, slot))
+        self._received = [topics.received(link) for link in topics.links]
+        self._events = topics.attack_events()
+        node = self.ports.node
+        self._services = (
+            node.create_service(StartAttack, START_SERVICE, self._on_start),
+            node.create_service(StopAttack, STOP_SERVICE, self._on_stop),
+            node.create_service(ListAttacks, LIST_SERVICE, self._on_list),
+        )
+
+    def _receive(self, slot: int, data: bytes) -> None:
+        tokens = self._inbox.push(slot, data)
+        while tokens is not None:
+            self._fire([token for token in tokens if token is not None])
+            tokens = self._inbox.take()
+
+    def _fire(self, tokens: Sequence[bytes]) -> None:
+        outputs = [codec.decode(data)[1] for codec, data in zip(self._outputs, tokens, strict=True)]
+        self._state, samples, events = self._relay.step(self._state, outputs)
+        self._announce(events)
+        for codec, sample in zip(self._received, samples, strict=True):
+            self.ports.publish(codec.topic.name, codec.encode(self._step, sample))
+        self._step += 1
+        if self._step == self._steps:
+            self.ports.finish()
+
+    def _announce(self, events: Sequence[RelayEvent]) -> None:
+        for event in events:
+            self.ports.publish(self._events.topic.name, self._events.encode(attack_record(event)))
+
+    def _on_start(self, request: StartAttack.Request, response: StartAttack.Response) -> StartAttack.Response:
+        link = Link(request.source, request.target)
+        try:
+            parameters = json.loads(request.parameters or "{}")
+            self._state, event = self._relay.start(self._state, link, request.kind, parameters, request.duration_sec)
+        except (AttackError, json.JSONDecodeError) as error:
+            response.message = str(error)
+            return response
+        self._announce([event])
+        response.accepted, response.attack, response.step = True, event.attack, event.step
+        return response
+
+    def _on_stop(self, request: StopAttack.Request, response: StopAttack.Response) -> StopAttack.Response:
+        try:
+            self._state, events = self._relay.stop(self._state, Link(request.source, request.target))
+        except AttackError as error:
+            response.message = str(error)
+            return response
+        self._announce(events)
+        response.accepted, response.stopped, response.step = True, len(events), self._step
+        return response
+
+    def _on_list(self, _request: ListAttacks.Request, response: ListAttacks.Response) -> ListAttacks.Response:
+        response.step = self._step
+        for event, stop_sec in self._relay.pending(self._state):
+            response.attacks.append(
+                AttackEvent(
+                    step=event.step,
+                    attack=event.attack,
+                    source=event.link.source,
+                    target=event.link.target,
+                    action=AttackEvent.START,
+                    kind=event.kind,
+                    parameters=event.parameters,
+                    origin=event.origin,
+                )
+            )
+            response.stop_sec.append(stop_sec)
+        return response

@@ -1,0 +1,110 @@
+"""The monitors of one DGU: an observer and a detector for every incoming link, designed from recorded data alone."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+from bags.convert import design_record, history_of
+from bags.schema import monitor_name
+from monitor import detectors, observers
+from monitor.link_monitor import LinkMonitor
+
+from dcmg_nodes.inbox import Inbox
+from dcmg_nodes.ports import Ports
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from bags.records import HistoryRecord
+    from monitor.link_monitor import MonitorOutput, MonitorState
+
+    from dcmg_nodes.lifetime import Lifetime
+    from dcmg_nodes.wiring import Wiring
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MonitorConfig:
+    """What a monitor is told besides data.
+
+    Attributes:
+        observer: name of the design method, with its options.
+        detector: name of the detector, with its options.
+        sampling_period_sec: T_s [s].
+        steps: number of steps of the run.
+    """
+
+    observer: tuple[str, Mapping[str, object]]
+    detector: tuple[str, Mapping[str, object]]
+    sampling_period_sec: float
+    steps: int
+
+
+class MonitorNode:
+    """Fires step k when the received outputs of all incoming links for step k are in."""
+
+    def __init__(self, wiring: Wiring, lifetime: Lifetime, dgu: int, config: MonitorConfig) -> None:
+        """Subscribe to the histories of the neighbours and to what arrives from them."""
+        self.ports = Ports(monitor_name(dgu), wiring, lifetime)
+        self._config = config
+        topics = wiring.topics
+        links = [link for link in topics.links if link.target == dgu]
+        self._received = [topics.received(link) for link in links]
+        self._residuals = [topics.residual(link) for link in links]
+        self._histories = [topics.history(link.source) for link in links]
+        self._designs = [topics.design(link) for link in links]
+        self._alarm_codec, self._diagnostics = topics.alarms(dgu), topics.diagnostics(dgu)
+        self._experiments: list[list[HistoryRecord]] = [[] for _ in links]
+        self._monitors: dict[int, LinkMonitor] = {}
+        self._states: dict[int, MonitorState] = {}
+        self._alarms = [False] * len(links)
+        self._step = 0
+        self._inbox: Inbox[bytes] = Inbox([codec.topic.name for codec in self._received])
+        for slot in range(len(links)):
+            self.ports.subscribe(self._received[slot].topic, partial(self._receive, slot))
+            self.ports.subscribe(self._histories[slot].topic, partial(self._receive_history, slot))
+        self.ports.ready_when(lambda: len(self._monitors) == len(links))
+
+    def _receive_history(self, slot: int, data: bytes) -> None:
+        experiments = self._experiments[slot]
+        experiments.append(self._histories[slot].decode(data))
+        if len(experiments) == experiments[0].experiments:
+            self._design(slot)
+
+    def _design(self, slot: int) -> None:
+        codec = self._designs[slot]
+        kind, options = self._config.observer
+        design = observers.design(kind, history_of(self._experiments[slot]), options)
+        if not design.accepted:
+            self.ports.log.warning(f"link {codec.source}-{codec.monitor} is not monitored: {design.verdict}")
+        detector = detectors.build(*self._config.detector, self._config.sampling_period_sec)
+        self._monitors[slot] = LinkMonitor(observer=design.observer, detector=detector)
+        self._states[slot] = self._monitors[slot].init()
+        record = design_record(design, codec.source, codec.monitor, kind)
+        self.ports.publish(codec.topic.name, codec.encode(record))
+
+    def _receive(self, slot: int, data: bytes) -> None:
+        tokens = self._inbox.push(slot, data)
+        while tokens is not None:
+            self._fire([token for token in tokens if token is not None])
+            tokens = self._inbox.take()
+
+    def _fire(self, tokens: Sequence[bytes]) -> None:
+        outputs = [self._watch(slot, data) for slot, data in enumerate(tokens)]
+        if self._diagnostics.due(self._step):
+            self.ports.publish(self._diagnostics.topic.name, self._diagnostics.encode(self._step, outputs))
+        self._step += 1
+        if self._step == self._config.steps:
+            self.ports.finish()
+
+    def _watch(self, slot: int, data: bytes) -> MonitorOutput:
+        _, sample = self._received[slot].decode(data)
+        self._states[slot], output = self._monitors[slot].step(self._states[slot], sample.y, sample.delivered)
+        codec = self._residuals[slot]
+        if output.alarm != self._alarms[slot]:
+            self._alarms[slot] = bool(output.alarm)
+            alarm = self._alarm_codec.encode(self._step, codec.source, output)
+            self.ports.publish(self._alarm_codec.topic.name, alarm)
+        self.ports.publish(codec.topic.name, codec.encode(self._step, output))
+        return output

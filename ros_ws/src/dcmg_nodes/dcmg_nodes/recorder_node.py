@@ -1,0 +1,118 @@
+"""The recorder: writes every message of a run to a bag, in canonical order, and gives the clock its credit."""
+
+from __future__ import annotations
+
+import time
+from functools import partial
+from typing import TYPE_CHECKING
+
+from bags.topic import TopicKind
+from dcmg_msgs.msg import NodeDone, Progress, RunEnd
+from rclpy.duration import Duration
+
+from dcmg_nodes.assembler import Arrival, Assembler
+from dcmg_nodes.ports import CONTROL_QOS, Ports
+from dcmg_nodes.wiring import DONE, END, PROGRESS, RECORDER_NODE
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable
+
+    from bags.topic import Topic
+    from bags.writer import BagWriter
+
+    from dcmg_nodes.lifetime import Lifetime
+    from dcmg_nodes.wiring import Wiring
+
+CREDIT_EVERY = 16  # steps between two credits; must stay well below the clock's window
+_WATCH_SEC = 0.25
+_ACK_TIMEOUT = Duration(seconds=5)
+
+
+class RecorderNode:
+    """Records all topics; a run is over for it when it holds as many messages as were published."""
+
+    def __init__(
+        self, wiring: Wiring, lifetime: Lifetime, writer: BagWriter, steps: int, stall_timeout_sec: float
+    ) -> None:
+        """Subscribe to every recorded topic."""
+        self.ports = Ports(RECORDER_NODE, wiring, lifetime)
+        self._clock_topic = wiring.topics.clock().topic.name
+        self._latched = [topic.name for topic in wiring.topics.all if topic.kind is TopicKind.LATCHED]
+        self._writer = writer
+        self._steps = steps
+        self._stall_timeout_sec = stall_timeout_sec
+        self._assembler = Assembler(wiring.topics)
+        self._published: dict[str, int] = dict.fromkeys(self._assembler.counts, 0)
+        self._unfinished = set(wiring.nodes)
+        self._credited = 0
+        self._moved_at = time.monotonic()
+        node = self.ports.node
+        self._progress = node.create_publisher(Progress, PROGRESS, CONTROL_QOS)
+        self._end = node.create_publisher(RunEnd, END, CONTROL_QOS)
+        self._node_done = node.create_subscription(NodeDone, DONE, self._on_done, CONTROL_QOS)
+        for topic in wiring.topics.all:
+            self.ports.subscribe(topic, partial(self._receive, topic))
+        self._watch_timer = node.create_timer(_WATCH_SEC, self._watch)
+        self.ports.ready_when(self._has_latched)
+        self.ports.finish()
+
+    def close(self) -> None:
+        """Write what is held of incomplete steps and close the bag."""
+        self._write(self._assembler.drain())
+        self._writer.close()
+
+    def _receive(self, topic: Topic, data: bytes) -> None:
+        arrivals = self._assembler.push(topic, data)
+        if arrivals:
+            self._write(arrivals)
+            self._moved_at = time.monotonic()
+            if self._assembler.complete - self._credited >= CREDIT_EVERY or self._assembler.complete == self._steps:
+                self._credit()
+        if not self._unfinished:
+            self._end_when_all_arrived()
+
+    def _write(self, arrivals: Iterable[Arrival]) -> None:
+        for arrival in arrivals:
+            self._writer.write(arrival.topic.name, arrival.stamp_ns, arrival.data)
+
+    def _credit(self, waiting_for: str = "", topic: str = "") -> None:
+        self._credited = self._assembler.complete
+        self._progress.publish(Progress(steps=self._credited, waiting_for=waiting_for, topic=topic))
+
+    def _has_latched(self) -> bool:
+        return all(self._assembler.counts[name] for name in self._latched)
+
+    def _on_done(self, message: NodeDone) -> None:
+        for topic, count in zip(message.topics, message.counts, strict=True):
+            self._published[topic] += count
+        self._unfinished.discard(message.node)
+        if not self._unfinished:
+            self._end_when_all_arrived()
+
+    def _end_when_all_arrived(self) -> None:
+        if self._assembler.counts == self._published:
+            self._finish(lost=0)
+
+    def _finish(self, lost: int) -> None:
+        self._unfinished.add(RECORDER_NODE)  # nothing that comes now can end the run again
+        self.close()
+        self._end.publish(RunEnd(steps=self._assembler.complete, lost=lost))
+        self._end.wait_for_all_acked(_ACK_TIMEOUT)
+        self.ports.lifetime.leave(RECORDER_NODE)
+
+    def _watch(self) -> None:
+        """Credit stragglers, and name what a stalled run waits for."""
+        if self._assembler.complete != self._credited:
+            self._credit()
+        started = self._assembler.counts[self._clock_topic] > 0
+        if not started or time.monotonic() - self._moved_at < self._stall_timeout_sec:
+            return
+        if not self._unfinished:
+            lost = {name: count - self._assembler.counts[name] for name, count in self._published.items()}
+            for name, number in lost.items():
+                if number:
+                    self.ports.log.error(f"{number} message(s) of {name} were published and did not arrive")
+            self._finish(lost=sum(lost.values()))
+        elif (topic := self._assembler.overdue()) is not None and self._assembler.complete < self._steps:
+            self._credit(waiting_for=topic.publishers[0], topic=topic.name)
+            self._moved_at = time.monotonic()

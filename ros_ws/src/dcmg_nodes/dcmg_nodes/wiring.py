@@ -1,0 +1,62 @@
+"""Who publishes and who subscribes: the static graph of a run, from which every node knows when it is fully matched."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING
+
+from bags.schema import ATTACKER_NODE, CLOCK_NODE, dgu_name, monitor_name
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from bags.schema import RunTopics
+    from bags.topic import Topic
+
+RECORDER_NODE = "recorder"
+READY, PROGRESS, PACING, DONE, END = "/run/ready", "/run/progress", "/run/pacing", "/run/done", "/run/end"
+
+
+@dataclass(frozen=True, kw_only=True)
+class Wiring:
+    """Static graph of a run.
+
+    Attributes:
+        topics: all recorded topics, in canonical order.
+        physical: for each DGU the DGUs whose state message it needs.
+    """
+
+    topics: RunTopics
+    physical: Mapping[int, Sequence[int]]
+
+    @property
+    def nodes(self) -> tuple[str, ...]:
+        """Names of all nodes of the run."""
+        return (
+            CLOCK_NODE,
+            *(dgu_name(dgu) for dgu in self.topics.dgus),
+            ATTACKER_NODE,
+            *(monitor_name(dgu) for dgu in self.topics.monitors),
+            RECORDER_NODE,
+        )
+
+    def readers(self, topic: Topic) -> tuple[str, ...]:
+        """Names of the nodes that subscribe to a recorded topic."""
+        return (*self._consumers.get(topic.name, ()), RECORDER_NODE)
+
+    @cached_property
+    def _consumers(self) -> Mapping[str, tuple[str, ...]]:
+        topics = self.topics
+        readers = {topics.tick().topic.name: tuple(dgu_name(dgu) for dgu in topics.dgus)}
+        for dgu in topics.dgus:
+            readers[topics.state(dgu).topic.name] = tuple(
+                dgu_name(other) for other in topics.dgus if dgu in self.physical[other]
+            )
+            readers[topics.output(dgu).topic.name] = (ATTACKER_NODE,)
+            readers[topics.history(dgu).topic.name] = tuple(
+                monitor_name(link.target) for link in topics.links if link.source == dgu
+            )
+        for link in topics.links:
+            readers[topics.received(link).topic.name] = (dgu_name(link.target), monitor_name(link.target))
+        return readers
