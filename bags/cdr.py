@@ -7,7 +7,7 @@ to its own size counted from behind the encapsulation. Every length of ours is k
 import struct
 from collections.abc import Iterator
 from dataclasses import dataclass, field
-from typing import TypeAlias, cast, final
+from typing import Any, cast, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,6 @@ from bags.errors import BagError
 from bags.typestore import typestore
 
 ENCAPSULATION = b"\x00\x01\x00\x00"
-Scalar: TypeAlias = bool | int | float
 
 # primitive type -> struct code, numpy code, size (= CDR alignment) in bytes
 _PRIMITIVES = {
@@ -63,7 +62,7 @@ class Layout:
         """Length of the message in bytes."""
         return self._codec.size
 
-    def pack(self, *values: Scalar) -> bytes:
+    def pack(self, *values: object) -> bytes:
         """Bytes on the wire.
 
         Args:
@@ -72,7 +71,7 @@ class Layout:
         at = self._text_at
         return self._codec.pack(ENCAPSULATION, *values[:at], self._text_bytes, *values[at:])
 
-    def unpack(self, data: bytes) -> tuple[Scalar, ...]:
+    def unpack(self, data: bytes) -> tuple[Any, ...]:
         """The values that `pack` takes.
 
         Raises:

@@ -59,7 +59,8 @@ class TickCodec:
 
     def decode(self, data: bytes) -> int:
         """The step."""
-        return self.layout.unpack(data)[2]
+        _, _, step = self.layout.unpack(data)
+        return int(step)
 
 
 @final

@@ -9,9 +9,11 @@ import numpy as np
 
 from bags.codecs import stamp_of
 from bags.errors import BagError
-from bags.records import AttackAction, AttackRecord, DesignRecord, DiagnosticLevel, HistoryRecord
+from bags.records import DesignRecord, DiagnosticLevel, HistoryRecord
 from bags.topic import Topic
 from bags.typestore import typestore
+from dgu_sim.grid import Link
+from dgu_sim.relay import Action, Origin, RelayEvent
 from monitor.link_monitor import MonitorOutput
 
 
@@ -23,33 +25,42 @@ class AttackEventCodec:
     topic: Topic
     period_ns: int
 
-    def encode(self, record: AttackRecord) -> bytes:
+    def encode(self, event: RelayEvent) -> bytes:
         """Bytes of one event."""
         return _serialize(
             self.topic.type_name,
-            header=_header(record.step, self.period_ns, f"{record.source}-{record.target}"),
-            step=record.step,
-            attack=record.attack,
-            source=record.source,
-            target=record.target,
-            action=int(record.action),
-            kind=record.kind,
-            parameters=record.parameters,
-            origin=record.origin,
+            header=_header(event.step, self.period_ns, str(event.link)),
+            step=event.step,
+            attack=event.attack,
+            source=event.link.source,
+            target=event.link.target,
+            action=_ACTIONS[event.action],
+            kind=event.kind,
+            parameters=event.parameters,
+            origin=event.origin.value,
         )
 
-    def decode(self, data: bytes) -> AttackRecord:
-        """The event."""
+    def decode(self, data: bytes) -> RelayEvent:
+        """The event.
+
+        Raises:
+            BagError: An action or origin that does not exist.
+        """
         message = _deserialize(self.topic.type_name, data)
-        return AttackRecord(
+        actions = {number: action for action, number in _ACTIONS.items()}
+        if message.action not in actions or message.origin not in set(Origin):
+            raise BagError(
+                f"{self.topic.name}: action {message.action} by {message.origin!r}, "
+                f"expected one of {sorted(actions)} by one of {', '.join(Origin)}"
+            )
+        return RelayEvent(
             step=message.step,
             attack=message.attack,
-            source=message.source,
-            target=message.target,
-            action=AttackAction(message.action),
+            link=Link(message.source, message.target),
+            action=actions[message.action],
             kind=message.kind,
             parameters=message.parameters,
-            origin=message.origin,
+            origin=Origin(message.origin),
         )
 
 
@@ -190,6 +201,8 @@ class DesignCodec:
         )
 
 
+# the constants of AttackEvent.msg
+_ACTIONS = {Action.START: 1, Action.STOP: 2}
 _HISTORY_COLUMNS = {"u": "inputs", "y": "outputs", "x": "states"}
 # the constants of Residual.msg
 _PHASES = ("refused", "settling", "calibrating", "armed")

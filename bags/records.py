@@ -11,13 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 
-class AttackAction(IntEnum):
-    """What happened to an attack: the constants of AttackEvent.msg."""
-
-    START = 1
-    STOP = 2
-
-
 class DiagnosticLevel(IntEnum):
     """The levels of diagnostic_msgs/DiagnosticStatus."""
 
@@ -25,32 +18,6 @@ class DiagnosticLevel(IntEnum):
     WARN = 1
     ERROR = 2
     STALE = 3
-
-
-@final
-@dataclass(frozen=True, slots=True, kw_only=True)
-class AttackRecord:
-    """The attacker starts or stops acting on a link.
-
-    Attributes:
-        step: First sample that is affected (START) or clean again (STOP).
-        attack: Number of the attack within the run, from 1.
-        source: Number of the sending DGU.
-        target: Number of the receiving DGU.
-        action: START or STOP.
-        kind: Name of the attack class.
-        parameters: JSON object with its parameters (SI units).
-        origin: "scenario" or "service".
-    """
-
-    step: int
-    attack: int
-    source: int
-    target: int
-    action: AttackAction
-    kind: str
-    parameters: str
-    origin: str
 
 
 @final

@@ -1,0 +1,245 @@
+"""Recording a run: a rosbag2 directory with one MCAP file and metadata.yaml."""
+
+import time
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import final
+
+import numpy as np
+import yaml
+from mcap.opcode import Opcode
+from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
+from numpy.typing import NDArray
+
+from bags.blocks import BlockFormat, block_format, head_field
+from bags.errors import BagError
+from bags.mcap_file import MESSAGE_HEAD, MESSAGE_HEAD_LENGTH, Compression, McapFile, OpenChunk
+from bags.metadata import METADATA_FILE, BagInfo, offered_qos
+from bags.topic import Topic
+from bags.typestore import schema_text, type_hash
+
+CHUNK_BYTES = 64 * 1024
+MAX_CHUNK_AGE_SEC = 0.5
+
+
+@final
+class BagWriter:
+    """Writes messages in the order in which they come; a context manager.
+
+    The same messages in the same order give the same file, whether they come one by one or as blocks, as long as no
+    chunk is closed by its age.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        topics: Sequence[Topic],
+        *,
+        compression: Compression = Compression.ZSTD,
+        chunk_bytes: int = CHUNK_BYTES,
+        max_chunk_age_sec: float | None = MAX_CHUNK_AGE_SEC,
+        custom_data: Mapping[str, str] | None = None,
+    ) -> None:
+        """Create the directory and the head of its file.
+
+        Args:
+            path: The bag's directory; must not exist.
+            topics: Topics in the order of their channels.
+            compression: Of the chunks.
+            chunk_bytes: A chunk is closed once it holds this much, before compression.
+            max_chunk_age_sec: A chunk is closed, at the latest, by the first message that comes this long (wall
+                time) after its first one; None: by size only.
+            custom_data: Free texts for metadata.yaml.
+
+        Raises:
+            BagError: The path exists or cannot be made.
+        """
+        self._path = path
+        self._chunk_bytes = chunk_bytes
+        self._max_age = float("inf") if max_chunk_age_sec is None else max_chunk_age_sec
+        self._custom = dict(custom_data or {})
+        self._schema_ids: dict[str, int] = {}
+        self._topics: dict[str, Topic] = {}
+        self._channel_ids: dict[str, int] = {}
+        self._sequences: dict[str, int] = {}
+        self._chunk = OpenChunk()
+        self._opened_at = time.monotonic()
+        self._open = True
+        with self._disk():
+            _make_directory(path)
+            self._file = McapFile(path / f"{path.name}_0.mcap", compression, Profile.ROS2)
+        for topic in topics:
+            self.add_topic(topic)
+
+    @property
+    def path(self) -> Path:
+        """The bag's directory."""
+        return self._path
+
+    @property
+    def counts(self) -> Mapping[str, int]:
+        """Messages taken so far by topic name."""
+        return dict(self._sequences)
+
+    def add_topic(self, topic: Topic) -> None:
+        """Announce a topic.
+
+        Raises:
+            BagError: It is announced already, or its type is unknown.
+        """
+        if topic.name in self._topics:
+            raise BagError(f"{self._path}: topic {topic.name} is announced twice")
+        with self._disk():
+            if topic.type_name not in self._schema_ids:
+                text = schema_text(topic.type_name).encode()
+                self._schema_ids[topic.type_name] = self._file.add_schema(topic.type_name, SchemaEncoding.ROS2, text)
+            metadata = {
+                "offered_qos_profiles": yaml.safe_dump(offered_qos(topic), sort_keys=False).strip(),
+                "topic_type_hash": type_hash(topic.type_name),
+            }
+            self._channel_ids[topic.name] = self._file.add_channel(
+                topic.name, MessageEncoding.CDR, self._schema_ids[topic.type_name], metadata
+            )
+        self._topics[topic.name] = topic
+        self._sequences[topic.name] = 0
+
+    def write(self, topic: str, stamp_ns: int, data: bytes) -> None:
+        """Append one message.
+
+        Args:
+            topic: Name of an announced topic.
+            stamp_ns: Its simulated time: log time and publish time.
+            data: The bytes on the wire.
+
+        Raises:
+            BagError: The topic is not announced, the bag is closed, or the disk refuses.
+        """
+        channel_id = self._channel_ids.get(topic)
+        if channel_id is None or not self._open:
+            raise BagError(f"{self._path}: message on {topic}, expected {self._expectation()}")
+        sequence = self._sequences[topic]
+        self._sequences[topic] = sequence + 1
+        length = MESSAGE_HEAD_LENGTH + len(data)
+        head = MESSAGE_HEAD.pack(Opcode.MESSAGE, length, channel_id, sequence, stamp_ns, stamp_ns)
+        now = time.monotonic()
+        if not self._chunk.buffer:
+            self._opened_at = now
+        self._chunk.add(channel_id, stamp_ns, head, data)
+        if len(self._chunk.buffer) >= self._chunk_bytes or now - self._opened_at >= self._max_age:
+            self._close_chunk()
+
+    def format_of(self, topics: Sequence[Topic]) -> BlockFormat:
+        """Format of the blocks that `write_block` takes."""
+        return block_format(topics, self._channel_ids)
+
+    def write_block(self, layout: BlockFormat, block: NDArray[np.void]) -> None:
+        """Append many rows of messages.
+
+        Args:
+            layout: What `format_of` gave.
+            block: Rows as `layout.block` makes them, shape (rows,); sequence numbers are filled in here.
+
+        Raises:
+            BagError: The bag is closed, or the disk refuses.
+        """
+        if not self._open:
+            raise BagError(f"{self._path}: block of messages, expected {self._expectation()}")
+        if not len(block):
+            return
+        for topic in layout.topics:
+            first = self._sequences[topic.name]
+            block[head_field(topic)]["sequence"] = np.arange(first, first + len(block))
+            self._sequences[topic.name] = first + len(block)
+        times = np.repeat(block[head_field(layout.topics[0])]["log_time"], len(layout.topics))
+        channel_ids = np.tile(layout.channel_ids, len(block))
+        rows = np.arange(len(block), dtype=np.int64)[:, None] * layout.dtype.itemsize
+        starts = np.append((rows + layout.starts).ravel(), len(block) * layout.dtype.itemsize)
+        records = np.ascontiguousarray(block).view(np.uint8).data
+        at = 0
+        while at < len(channel_ids):
+            # the first message whose end fills the chunk still belongs into it
+            wanted = starts[at] + self._chunk_bytes - len(self._chunk.buffer)
+            end = min(max(int(np.searchsorted(starts, wanted)), at + 1), len(channel_ids))
+            entries = np.stack([times[at:end], (starts[at:end] - starts[at]).astype(np.uint64)], axis=1)
+            if not self._chunk.buffer:
+                self._opened_at = time.monotonic()
+            self._chunk.extend(channel_ids[at:end], entries, records[starts[at] : starts[end]])
+            if len(self._chunk.buffer) >= self._chunk_bytes or time.monotonic() - self._opened_at >= self._max_age:
+                self._close_chunk()
+            at = end
+
+    def attach(self, name: str, data: bytes, media_type: str = "text/plain") -> None:
+        """Put a document into the bag.
+
+        Raises:
+            BagError: The disk refuses.
+        """
+        with self._disk():
+            self._file.add_attachment(name, media_type, data)
+
+    def flush(self) -> None:
+        """Close the open chunk and hand all to the operating system."""
+        if self._chunk.buffer:
+            self._close_chunk()
+
+    def close(self) -> None:
+        """Complete the file and write metadata.yaml; a second call does nothing.
+
+        Raises:
+            BagError: The disk refuses.
+        """
+        if not self._open:
+            return
+        self._open = False
+        try:
+            self.flush()
+            start_ns, end_ns = self._file.time_range_ns
+            info = BagInfo(
+                file=f"{self._path.name}_0.mcap",
+                counts=[(topic, self._sequences[topic.name]) for topic in self._topics.values()],
+                start_ns=start_ns,
+                end_ns=end_ns,
+                custom=self._custom,
+            )
+            with self._disk():
+                self._file.add_metadata("rosbag2", {"serialized_metadata": info.to_yaml(root=False)})
+                self._file.finish()
+                draft = self._path / f"{METADATA_FILE}.tmp"
+                draft.write_text(info.to_yaml(root=True), "utf-8")
+                draft.replace(self._path / METADATA_FILE)
+        finally:
+            self._file.abandon()
+
+    def __enter__(self) -> "BagWriter":
+        """Return self."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
+    ) -> None:
+        """Close, whatever happened: what was recorded stays readable."""
+        self.close()
+
+    def _close_chunk(self) -> None:
+        chunk, self._chunk = self._chunk, OpenChunk()
+        with self._disk():
+            self._file.add_chunk(chunk)
+
+    def _expectation(self) -> str:
+        return "an announced topic" if self._open else "nothing more: the bag is closed"
+
+    @contextmanager
+    def _disk(self) -> Iterator[None]:
+        try:
+            yield
+        except OSError as error:
+            raise BagError(f"{self._path}: cannot write the bag ({error.strerror or error})") from error
+
+
+def _make_directory(path: Path) -> None:
+    try:
+        path.mkdir(parents=True)
+    except FileExistsError:
+        raise BagError(f"{path}: exists already, expected the path of a bag to be made") from None
