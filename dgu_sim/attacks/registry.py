@@ -1,0 +1,41 @@
+"""Attack classes by name: a new attack is one new file and one line here."""
+
+from collections.abc import Mapping
+
+from pydantic import ValidationError
+
+from dgu_sim.attacks.bias import Bias
+from dgu_sim.attacks.protocol import Attack
+from dgu_sim.errors import AttackError
+from dgu_sim.explain import explain
+
+__all__ = ["KINDS", "build_attack", "known_kind"]
+
+KINDS: Mapping[str, type[Attack]] = {
+    "bias": Bias,
+}
+
+
+def known_kind(kind: str) -> type[Attack]:
+    """Return the attack class of a name.
+
+    Raises:
+        AttackError: There is none; the message lists the known ones.
+    """
+    if kind not in KINDS:
+        raise AttackError(f"kind = {kind!r}: expected an attack class, one of {', '.join(KINDS)}")
+    return KINDS[kind]
+
+
+def build_attack(kind: str, parameters: Mapping[str, object]) -> Attack:
+    """Return the attack of one class with its parameters checked.
+
+    Raises:
+        AttackError: The kind is unknown, or a parameter is missing, unknown or wrong.
+    """
+    attack = known_kind(kind)
+    try:
+        return attack.model_validate(dict(parameters))
+    except ValidationError as error:
+        problem = explain(error, dict(parameters))
+        raise AttackError(f"{kind} attack: {problem}") from error

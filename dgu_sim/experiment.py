@@ -1,0 +1,135 @@
+"""The offline experiment: what a monitor learns a DGU from (T, section V)."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dgu_sim.linear import FloatArray, Vector
+from dgu_sim.plant import Coupling, Plant, physical_of, plant_of
+from dgu_sim.records import Physical
+from dgu_sim.scenario import Scenario
+from dgu_sim.settings import HistoryPlant, Precision
+from dgu_sim.signals import RandomSource, Stream
+
+__all__ = ["ExperimentData", "run_experiments"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ExperimentData:
+    """One recorded experiment of T samples.
+
+    Attributes:
+        u: Known inputs, shape (T, 0): a DGU has none (T: B = 0).
+        y: Outputs, shape (T, 3): V [V], I_t [A], v [V s] (C = I).
+        x: States, shape (T, 3), same units.
+        sampling_period_sec: T_s.
+    """
+
+    u: FloatArray
+    y: FloatArray
+    x: FloatArray
+    sampling_period_sec: float
+
+
+def run_experiments(scenario: Scenario, dgu: int) -> tuple[ExperimentData, ...]:
+    """Run the offline experiments of one DGU: random initial state, exciting unknown input.
+
+    x(0) ~ U(-s, s); in every sample the load current is its operating value + U(-s, s), the reference
+    V_ref + U(-s, s), and, where the DGU hangs on its lines, each neighbour's voltage V_ref,j + U(-s, s). With
+    history.plant `joint` all DGUs connected to this one are excited like this and integrated together.
+
+    Args:
+        scenario: Its `history` section says how.
+        dgu: Number of the DGU.
+
+    Returns:
+        `history.experiments` experiments, a pure function of scenario (with its seed) and DGU.
+
+    Raises:
+        ScenarioError: The scenario has no such DGU.
+    """
+    scenario.dgu(dgu)
+    record = _joint if scenario.history.plant is HistoryPlant.JOINT else _own
+    return tuple(
+        _observed(scenario, dgu, number, record(scenario, dgu, number))
+        for number in range(scenario.history.experiments)
+    )
+
+
+def _own(scenario: Scenario, dgu: int, number: int) -> FloatArray:
+    """Return the states, shape (T, 3), of the DGU with its own lines; the others are unknown input."""
+    coupling = Coupling.ISOLATED if scenario.coupling is Coupling.ISOLATED else Coupling.HELD
+    plant = plant_of(scenario.grid, coupling, scenario.sampling_period_sec, dgu)
+    others = physical_of(scenario.grid, coupling, dgu)
+    generator = _source(scenario, dgu, Stream.HISTORY).generator(number)
+    x = _initial(scenario, generator)
+    load, reference = _inputs(scenario, dgu, generator)
+    spread = scenario.history.voltage_spread_v
+    voltages = {
+        other: scenario.dgu(other).reference_v + spread * generator.uniform(-1.0, 1.0, scenario.history.samples)
+        for other in others
+    }
+    rows = [x]
+    for k in range(scenario.history.samples - 1):
+        physical = [
+            Physical(x=(float(voltages[other][k]), 0.0, 0.0), load_current=0.0, reference=0.0) for other in others
+        ]
+        x = plant.step(x, load[k], reference[k], physical)
+        rows.append(x)
+    return np.array(rows)
+
+
+def _joint(scenario: Scenario, dgu: int, number: int) -> FloatArray:
+    """Return the states, shape (T, 3), of the DGU in the jointly integrated grid, everyone excited."""
+    members = scenario.grid.component(dgu)
+    plants: dict[int, Plant] = {
+        one: plant_of(scenario.grid, Coupling.JOINT, scenario.sampling_period_sec, one) for one in members
+    }
+    generator = _source(scenario, dgu, Stream.HISTORY).generator(number)
+    states = {one: _initial(scenario, generator) for one in members}
+    inputs = {one: _inputs(scenario, one, generator) for one in members}
+    rows = [states[dgu]]
+    for k in range(scenario.history.samples - 1):
+        felt = {
+            one: Physical(x=states[one], load_current=inputs[one][0][k], reference=inputs[one][1][k]) for one in members
+        }
+        states = {
+            one: plants[one].step(
+                states[one], inputs[one][0][k], inputs[one][1][k], [felt[other] for other in members if other != one]
+            )
+            for one in members
+        }
+        rows.append(states[dgu])
+    return np.array(rows)
+
+
+def _initial(scenario: Scenario, generator: np.random.Generator) -> Vector:
+    drawn = generator.uniform(-1.0, 1.0, 3) * scenario.history.state_spread
+    return tuple(float(value) for value in drawn)
+
+
+def _inputs(scenario: Scenario, dgu: int, generator: np.random.Generator) -> tuple[list[float], list[float]]:
+    """Return load current [A] and reference [V] of every sample."""
+    settings, history = scenario.dgu(dgu), scenario.history
+    drawn = generator.uniform(-1.0, 1.0, (2, history.samples))
+    load = settings.nominal_load + history.load_spread_a * drawn[0]
+    reference = settings.reference_v + history.reference_spread_v * drawn[1]
+    return [float(value) for value in load], [float(value) for value in reference]
+
+
+def _observed(scenario: Scenario, dgu: int, number: int, states: FloatArray) -> ExperimentData:
+    """Return the record of a trajectory: with noise, rounded, and y = x because C = I."""
+    history = scenario.history
+    x = states
+    if history.noise_std > 0.0:
+        generator = _source(scenario, dgu, Stream.HISTORY_NOISE).generator(number)
+        x = x + history.noise_std * generator.standard_normal(x.shape)
+    if history.precision is Precision.FLOAT32:
+        x = x.astype(np.float32).astype(np.float64)
+    return ExperimentData(
+        u=np.empty((history.samples, 0)), y=x.copy(), x=x, sampling_period_sec=scenario.sampling_period_sec
+    )
+
+
+def _source(scenario: Scenario, dgu: int, stream: Stream) -> RandomSource:
+    return RandomSource(seed=scenario.seed, stream=stream, dgu=dgu)

@@ -1,0 +1,85 @@
+"""Validation errors in one line: key path, value found, what was expected."""
+
+from dataclasses import dataclass
+
+from pydantic import ValidationError
+
+__all__ = ["Problem", "explain"]
+
+SHOWN = 60
+"""Longer values are cut: a message stays one readable line."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Problem:
+    """One thing that is wrong.
+
+    Attributes:
+        key: Path of the key from the root of the file; list indices count from 0.
+        found: The value as the user wrote it, or None when the key is missing.
+        expected: What was expected instead.
+    """
+
+    key: tuple[str | int, ...]
+    found: str | None
+    expected: str
+
+    def __str__(self) -> str:
+        """Return "key = value: what was expected"."""
+        path = ".".join(str(part) for part in self.key)
+        if self.found is None:
+            return f"{path}: {self.expected}" if path else self.expected
+        return f"{path} = {self.found}: {self.expected}" if path else f"{self.found}: {self.expected}"
+
+
+def explain(error: ValidationError, data: object) -> Problem:
+    """Return the first problem of a validation error.
+
+    Args:
+        error: What pydantic raised.
+        data: What was validated: tells the keys of the file from pydantic's union tags.
+    """
+    first = error.errors(include_url=False)[0]
+    context = first.get("ctx", {})
+    location = _keys_only(tuple(first["loc"]), data)
+    kind = first["type"]
+    if kind == "finding":
+        return Problem(key=location + context["key"], found=shown(context["value"]), expected=context["expected"])
+    if kind == "problem":  # an explained error of a part that was validated on its own
+        inner: Problem = context["problem"]
+        return Problem(key=location + inner.key, found=inner.found, expected=inner.expected)
+    if kind == "missing":
+        return Problem(key=location, found=None, expected="this key is missing")
+    if kind in {"union_tag_invalid", "union_tag_not_found"}:
+        tag = context.get("tag")
+        tags = context.get("expected_tags", "")
+        expected = f"expected one of {tags}" if tags else "this key is missing"
+        return Problem(key=(*location, "kind"), found=None if tag is None else shown(tag), expected=expected)
+    return Problem(key=location, found=shown(first["input"]), expected=_expected(first["msg"]))
+
+
+def shown(value: object) -> str:
+    """Return a value as it may stand in a message."""
+    text = repr(value)
+    return text if len(text) <= SHOWN else text[: SHOWN - 4] + " ..."
+
+
+def _expected(message: str) -> str:
+    """Turn pydantic's "Input should be ..." into "expected ..."."""
+    text = message.removeprefix("Value error, ").replace("Input should be", "expected", 1)
+    return text[:1].lower() + text[1:]
+
+
+def _keys_only(location: tuple[str | int, ...], data: object) -> tuple[str | int, ...]:
+    """Drop the union tags that pydantic puts between the keys of the file."""
+    keys: list[str | int] = []
+    for position, part in enumerate(location):
+        inside = (isinstance(data, dict) and part in data) or (
+            isinstance(data, list | tuple) and isinstance(part, int) and part < len(data)
+        )
+        if inside:
+            keys.append(part)
+            data = data[part]  # type: ignore[index]  # just checked
+        elif position == len(location) - 1:
+            keys.append(part)
+    return tuple(keys)

@@ -1,0 +1,62 @@
+"""The base of everything a scenario file is validated into."""
+
+import difflib
+from collections.abc import Mapping
+from typing import Annotated, TypeAlias
+
+from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic_core import PydanticCustomError
+
+__all__ = ["Frozen", "Number", "Spread3", "Vector3", "finding"]
+
+
+def finding(key: tuple[str | int, ...], value: object, expected: str) -> PydanticCustomError:
+    """Return the validation error that `key` (relative to the model) has `value` and something else was expected.
+
+    `dgu_sim.scenario_file` turns it into one line with the file and the whole key path.
+    """
+    return PydanticCustomError("finding", "{expected}", {"key": key, "value": value, "expected": expected})
+
+
+def _not_bool(value: object) -> object:
+    if isinstance(value, bool):
+        raise PydanticCustomError("number", "expected a number")
+    return value
+
+
+def _three(value: object) -> object:
+    if not isinstance(value, list | tuple) or len(value) != 3:  # noqa: PLR2004 - a DGU has three states
+        raise PydanticCustomError("vector", "expected 3 numbers: V [V], I_t [A], v [V s]")
+    return value
+
+
+Number: TypeAlias = Annotated[float, BeforeValidator(_not_bool)]
+"""A finite float. YAML 1.1 reads 1e-6 as text, which is accepted; yes and no are not."""
+
+Vector3: TypeAlias = Annotated[tuple[Number, Number, Number], BeforeValidator(_three)]
+"""One number for each of V, I_t and v."""
+
+Spread3: TypeAlias = Annotated[
+    tuple[Annotated[Number, Field(ge=0)], Annotated[Number, Field(ge=0)], Annotated[Number, Field(ge=0)]],
+    BeforeValidator(_three),
+]
+"""One non-negative number for each of V, I_t and v."""
+
+
+class Frozen(BaseModel):
+    """Immutable, finite numbers only, and an unknown key is an error that names the known ones."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _known_keys(cls, data: object) -> object:
+        if not isinstance(data, Mapping):
+            return data
+        for key in data:
+            if key not in cls.model_fields:
+                close = difflib.get_close_matches(str(key), cls.model_fields, 1)
+                hint = f"did you mean {close[0]}? " if close else ""
+                known = ", ".join(cls.model_fields)
+                raise finding((str(key),), data[key], f"no such key: {hint}known keys are {known}")
+        return data

@@ -1,0 +1,35 @@
+"""What one DGU and its surroundings tell each other in one step."""
+
+from dataclasses import dataclass
+
+from dgu_sim.linear import Component, Truth, Vector
+
+__all__ = ["Physical", "Sample"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Sample:
+    """One measured output on a communication link.
+
+    Attributes:
+        y: V [V], I_t [A], v [V s]; NaN where a component is not sent.
+        delivered: False where the link lost the sample.
+    """
+
+    y: Vector
+    delivered: Truth = True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Physical:
+    """The true state of a physically coupled DGU: it acts through the lines and cannot be attacked.
+
+    Attributes:
+        x: V [V], I_t [A], v [V s] at step k.
+        load_current: I_L held over step k [A].
+        reference: V_ref + alpha held over step k [V].
+    """
+
+    x: Vector
+    load_current: Component
+    reference: Component

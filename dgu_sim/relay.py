@@ -1,0 +1,170 @@
+"""The attacker's place: a relay on every communication link, transparent until an attack is started."""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+
+from dgu_sim.attacks import build_attack
+from dgu_sim.errors import AttackError
+from dgu_sim.grid import Link
+from dgu_sim.records import Sample
+from dgu_sim.relay_records import Action, AttackPlan, Origin, RelayEvent, RelayState, RunningAttack
+from dgu_sim.signals import first_step
+
+__all__ = ["Action", "AttackPlan", "Origin", "Relay", "RelayEvent", "RelayState", "RunningAttack"]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Relay:
+    """Passes every output on along every link; several attacks on one link act in the order of their numbers.
+
+    Attributes:
+        dgus: DGU numbers in the order of the outputs.
+        links: The links in the order of the received samples.
+        sampling_period_sec: T_s.
+    """
+
+    dgus: tuple[int, ...]
+    links: tuple[Link, ...]
+    sampling_period_sec: float
+
+    def init(self, plans: Sequence[AttackPlan] = ()) -> RelayState:
+        """Return the state before step 0 with the attacks of a scenario scheduled.
+
+        Raises:
+            AttackError: A link does not exist or an attack's parameters are wrong.
+        """
+        state = RelayState(step=0, attacks=(), next_number=1)
+        for plan in plans:
+            start_step = first_step(plan.start_sec, self.sampling_period_sec)
+            stop_step = None if plan.stop_sec is None else first_step(plan.stop_sec, self.sampling_period_sec)
+            state, _ = self._schedule(state, plan, Origin.SCENARIO, start_step, stop_step)
+        return state
+
+    def start(
+        self,
+        state: RelayState,
+        link: Link,
+        kind: str,
+        parameters: Mapping[str, object],
+        duration_sec: float = 0.0,
+        *,
+        origin: Origin = Origin.SERVICE,
+    ) -> tuple[RelayState, RelayEvent]:
+        """Start an attack from the next step on.
+
+        Args:
+            state: Where the relay is.
+            link: The link to act on.
+            kind: Name of the attack class.
+            parameters: Its parameters.
+            duration_sec: Length [s]; 0: until stopped.
+            origin: Who asked for it.
+
+        Returns:
+            The new state and the START event; `step` does not report it again.
+
+        Raises:
+            AttackError: The link does not exist, the kind is unknown or a parameter is wrong.
+        """
+        if not (math.isfinite(duration_sec) and duration_sec >= 0.0):
+            raise AttackError(f"duration_sec = {duration_sec:g}: expected a length in seconds, or 0 for until stopped")
+        length = max(1, first_step(duration_sec, self.sampling_period_sec)) if duration_sec > 0.0 else None
+        stop_step = None if length is None else state.step + length
+        start_sec = state.step * self.sampling_period_sec
+        plan = AttackPlan(link=link, kind=kind, parameters=parameters, start_sec=start_sec)
+        state, attack = self._schedule(state, plan, origin, state.step, stop_step)
+        return state, attack.event(link, Action.START, state.step)
+
+    def stop(self, state: RelayState, link: Link) -> tuple[RelayState, tuple[RelayEvent, ...]]:
+        """Stop every active attack on one link from the next step on; scheduled ones stay scheduled.
+
+        Returns:
+            The new state and the STOP events; `step` does not report them again.
+
+        Raises:
+            AttackError: The link does not exist or no attack is active on it.
+        """
+        self._position(link)
+        ended = [one for one in state.attacks if link in one.links and one.announced(state.step)]
+        if not ended:
+            raise AttackError(f"link {link}: no attack is active on it, expected one to stop")
+        numbers = {one.number for one in ended}
+        rest = tuple(one for one in state.attacks if one.number not in numbers)
+        events = tuple(one.event(each, Action.STOP, state.step) for one in ended for each in one.links)
+        return replace(state, attacks=rest), events
+
+    def step(
+        self, state: RelayState, outputs: Sequence[Sample]
+    ) -> tuple[RelayState, tuple[Sample, ...], tuple[RelayEvent, ...]]:
+        """Relay one step.
+
+        Args:
+            state: Where the relay is.
+            outputs: What the DGUs sent, in the order of `dgus`.
+
+        Returns:
+            The next state, the received samples in the order of `links`, and the events of attacks that the
+            scenario starts, or that end by themselves, at this step.
+        """
+        by_dgu = dict(zip(self.dgus, outputs, strict=True))
+        samples = [by_dgu[link.source] for link in self.links]
+        if not state.attacks:
+            return RelayState(step=state.step + 1, attacks=(), next_number=state.next_number), tuple(samples), ()
+        attacks: list[RunningAttack] = []
+        events: list[RelayEvent] = []
+        for one in state.attacks:
+            if one.stop_step is not None and state.step >= one.stop_step:
+                events += [one.event(link, Action.STOP, state.step) for link in one.links]
+            elif state.step < one.start_step:
+                attacks.append(one)
+            else:
+                if not one.announced(state.step):
+                    events += [one.event(link, Action.START, state.step) for link in one.links]
+                attacks.append(self._apply(one, samples))
+        following = RelayState(step=state.step + 1, attacks=tuple(attacks), next_number=state.next_number)
+        return following, tuple(samples), tuple(events)
+
+    def pending(self, state: RelayState) -> tuple[tuple[RelayEvent, float], ...]:
+        """Return the START event and the stop time [s] (NaN: until stopped) of each active or scheduled attack."""
+        return tuple(
+            (
+                one.event(link, Action.START, one.start_step),
+                math.nan if one.stop_step is None else one.stop_step * self.sampling_period_sec,
+            )
+            for one in state.attacks
+            for link in one.links
+        )
+
+    def _apply(self, one: RunningAttack, samples: list[Sample]) -> RunningAttack:
+        """Replace the samples of an attack's links in place and return it with its next state."""
+        positions = [self._position(link) for link in one.links]
+        state, changed = one.attack.step(one.state, [samples[position] for position in positions])
+        for position, sample in zip(positions, changed, strict=True):
+            samples[position] = sample
+        return replace(one, state=state)
+
+    def _schedule(
+        self, state: RelayState, plan: AttackPlan, origin: Origin, start_step: int, stop_step: int | None
+    ) -> tuple[RelayState, RunningAttack]:
+        self._position(plan.link)
+        attack = build_attack(plan.kind, plan.parameters)
+        running = RunningAttack(
+            number=state.next_number,
+            links=(plan.link,),
+            kind=plan.kind,
+            parameters=json.dumps(attack.model_dump(mode="json"), sort_keys=True),
+            origin=origin,
+            attack=attack,
+            state=attack.init(),
+            start_step=start_step,
+            stop_step=stop_step,
+        )
+        return replace(state, attacks=(*state.attacks, running), next_number=state.next_number + 1), running
+
+    def _position(self, link: Link) -> int:
+        if link not in self.links:
+            known = ", ".join(str(one) for one in self.links) or "none: the scenario has no lines"
+            raise AttackError(f"link {link}: expected a communication link of this run: {known}")
+        return self.links.index(link)

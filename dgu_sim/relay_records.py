@@ -1,0 +1,124 @@
+"""What the relay schedules, remembers and reports."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from enum import StrEnum
+
+from dgu_sim.attacks import Attack
+from dgu_sim.grid import Link
+
+__all__ = ["Action", "AttackPlan", "Origin", "RelayEvent", "RelayState", "RunningAttack"]
+
+
+class Action(StrEnum):
+    """What an event says."""
+
+    START = "start"
+    STOP = "stop"
+
+
+class Origin(StrEnum):
+    """Who asked for an attack."""
+
+    SCENARIO = "scenario"
+    SERVICE = "service"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class AttackPlan:
+    """An attack that the scenario schedules.
+
+    Attributes:
+        link: The link it acts on.
+        kind: Name of the attack class.
+        parameters: Its parameters, checked.
+        start_sec: Time of the first affected sample [s].
+        stop_sec: Time of the first clean sample again [s]; None: it stays.
+    """
+
+    link: Link
+    kind: str
+    parameters: Mapping[str, object]
+    start_sec: float
+    stop_sec: float | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RelayEvent:
+    """An attack starts or stops acting on one link.
+
+    Attributes:
+        step: First affected sample (START) or first clean one (STOP).
+        attack: Number of the attack within the run, from 1.
+        link: The link.
+        action: START or STOP.
+        kind: Name of the attack class.
+        parameters: JSON object with its parameters, keys sorted.
+        origin: Who asked for it.
+    """
+
+    step: int
+    attack: int
+    link: Link
+    action: Action
+    kind: str
+    parameters: str
+    origin: Origin
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunningAttack:
+    """An attack that is scheduled or active.
+
+    Attributes:
+        number: Number within the run, from 1.
+        links: The links it acts on.
+        kind: Name of the attack class.
+        parameters: JSON object with its parameters.
+        origin: Who asked for it.
+        attack: The attack.
+        state: Its state.
+        start_step: First affected sample.
+        stop_step: First clean sample again; None: until stopped.
+    """
+
+    number: int
+    links: tuple[Link, ...]
+    kind: str
+    parameters: str
+    origin: Origin
+    attack: Attack
+    state: object
+    start_step: int
+    stop_step: int | None
+
+    def announced(self, step: int) -> bool:
+        """Return whether its START event is out before `step` is relayed: a service's is at once."""
+        return self.start_step < step or (self.start_step == step and self.origin is Origin.SERVICE)
+
+    def event(self, link: Link, action: Action, step: int) -> RelayEvent:
+        """Return the event of one link."""
+        return RelayEvent(
+            step=step,
+            attack=self.number,
+            link=link,
+            action=action,
+            kind=self.kind,
+            parameters=self.parameters,
+            origin=self.origin,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RelayState:
+    """Where the relay is.
+
+    Attributes:
+        step: The next step to relay.
+        attacks: Scheduled and active attacks, by number.
+        next_number: Number of the next attack.
+    """
+
+    step: int
+    attacks: tuple[RunningAttack, ...]
+    next_number: int

@@ -1,0 +1,149 @@
+"""What must hold between the sections of a scenario."""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+from dgu_sim.errors import AttackError
+from dgu_sim.grid import Grid, Link
+from dgu_sim.model import finding
+from dgu_sim.plant import Coupling
+from dgu_sim.settings import (
+    AttackSettings,
+    DguSettings,
+    HistoryPlant,
+    HistorySettings,
+    LineSettings,
+    MonitorSettings,
+    SecondarySettings,
+)
+from dgu_sim.stability import closed_loop, largest_stable_gain, sampled_grid, spectral_radius
+
+__all__ = ["Checked", "check_parts", "check_stability"]
+
+LINE_TIME_SHARE = 0.1
+"""Lines count as quasi-stationary when L/R is at most this share of T_s; G's are at 0.4 %."""
+
+
+class Checked(Protocol):
+    """The parts of a scenario that are checked against one another."""
+
+    @property
+    def sampling_period_sec(self) -> float:
+        """T_s."""
+        ...
+
+    @property
+    def coupling(self) -> Coupling:
+        """Coupling of the DGUs."""
+        ...
+
+    @property
+    def dgus(self) -> tuple[DguSettings, ...]:
+        """The DGUs."""
+        ...
+
+    @property
+    def lines(self) -> tuple[LineSettings, ...]:
+        """The lines."""
+        ...
+
+    @property
+    def secondary(self) -> SecondarySettings:
+        """Secondary control."""
+        ...
+
+    @property
+    def history(self) -> HistorySettings:
+        """The offline experiment."""
+        ...
+
+    @property
+    def monitor(self) -> MonitorSettings:
+        """Observer and detector."""
+        ...
+
+    @property
+    def attacks(self) -> tuple[AttackSettings, ...]:
+        """Scheduled attacks."""
+        ...
+
+
+def check_parts(scenario: Checked) -> None:
+    """Check that ids, lines, links and times fit together; raises what `dgu_sim.model.finding` returns."""
+    _check_ids([dgu.id for dgu in scenario.dgus])
+    _check_lines(scenario)
+    _check_attacks(scenario)
+    if scenario.coupling is Coupling.ISOLATED and scenario.history.plant is HistoryPlant.JOINT:
+        raise finding(("history", "plant"), "joint", "expected own: with coupling isolated there is no joint grid")
+
+
+def check_stability(scenario: Checked, grid: Grid) -> None:
+    """Check that the sampled closed loop of the whole grid is stable; raises what `finding` returns."""
+    A, E = sampled_grid(grid, scenario.coupling, scenario.sampling_period_sec)
+    radius = spectral_radius(A)
+    if radius >= 1.0:
+        expected = f"expected a stable grid, found spectral radius {radius:.5g} without secondary control"
+        raise finding(("coupling",), str(scenario.coupling), f"{expected}: use joint or a shorter sampling_period_sec")
+    if not scenario.secondary.enabled:
+        return
+    key, gain = ("secondary", "gain"), scenario.secondary.gain
+    if scenario.coupling is Coupling.ISOLATED:
+        expected = "expected false: with coupling isolated no current answers to alpha, which would run away"
+        raise finding(("secondary", "enabled"), True, expected)  # noqa: FBT003 - the value found
+    rated = [dgu.rated_current_a for dgu in scenario.dgus]
+    step_gain = scenario.sampling_period_sec * gain
+    radius = spectral_radius(closed_loop(A, E, grid.laplacian(), rated, step_gain), len(grid.components()))
+    if radius >= 1.0:
+        limit = largest_stable_gain(A, E, grid, rated, step_gain) / scenario.sampling_period_sec
+        expected = f"expected a gain that is stable when sampled every {scenario.sampling_period_sec:g} s"
+        raise finding(key, gain, f"{expected}, below {limit:.4g}; spectral radius is {radius:.5f}")
+
+
+def _check_ids(ids: Sequence[int]) -> None:
+    for index in range(1, len(ids)):
+        if ids[index] in ids[:index]:
+            raise finding(("dgus", index, "id"), ids[index], "expected an id that no other DGU has")
+        if ids[index] < ids[index - 1]:
+            raise finding(("dgus", index, "id"), ids[index], f"expected an id above {ids[index - 1]}: ids ascend")
+
+
+def _check_lines(scenario: Checked) -> None:
+    ids = [dgu.id for dgu in scenario.dgus]
+    seen: set[frozenset[int]] = set()
+    for index, line in enumerate(scenario.lines):
+        key = ("lines", index, "between")
+        for dgu in line.between:
+            if dgu not in ids:
+                raise finding(
+                    key, list(line.between), f"expected two of the DGUs {_listed(ids)}: there is no DGU {dgu}"
+                )
+        if line.between[0] == line.between[1]:
+            raise finding(key, list(line.between), "expected two different DGUs")
+        if frozenset(line.between) in seen:
+            raise finding(key, list(line.between), "expected one line between two DGUs: this one is a second")
+        seen.add(frozenset(line.between))
+        longest = LINE_TIME_SHARE * scenario.sampling_period_sec * line.resistance_ohm
+        if line.inductance_h > longest:
+            expected = f"expected at most {longest:.3g}: lines are quasi-stationary, L/R <= sampling_period_sec / 10"
+            raise finding(("lines", index, "inductance_h"), line.inductance_h, expected)
+
+
+def _check_attacks(scenario: Checked) -> None:
+    links = {Link(a, b) for line in scenario.lines for a, b in (line.between, line.between[::-1])}
+    ready = scenario.monitor.detector.calibrated_sec
+    for index, attack in enumerate(scenario.attacks):
+        key = ("attacks", index)
+        try:
+            link = Link.parse(attack.link)
+        except AttackError:
+            raise finding((*key, "link"), attack.link, "expected SOURCE-TARGET, like 1-2") from None
+        if link not in links:
+            known = _listed(sorted(str(one) for one in links)) or "none: the scenario has no lines"
+            raise finding((*key, "link"), attack.link, f"expected a communication link: {known}")
+        if attack.start_sec < ready:
+            expected = f"expected at least {ready:g}: until then the detector calibrates on attack-free samples"
+            raise finding((*key, "start_sec"), attack.start_sec, expected)
+
+
+def _listed(items: Sequence[object]) -> str:
+    return ", ".join(str(item) for item in items)

@@ -1,0 +1,235 @@
+"""The sections of a scenario file; `dgu_sim.scenario` puts them together."""
+
+from enum import StrEnum
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, SerializerFunctionWrapHandler, ValidationError, model_serializer, model_validator
+from pydantic_core import PydanticCustomError
+
+from dgu_sim.attacks import KINDS
+from dgu_sim.explain import explain
+from dgu_sim.grid import Link
+from dgu_sim.loads import Load
+from dgu_sim.model import Frozen, Number, Spread3, Vector3, finding
+from dgu_sim.parameters import DguParameters
+from dgu_sim.relay import AttackPlan
+
+__all__ = [
+    "AttackSettings",
+    "DetectorSettings",
+    "DguSettings",
+    "HistoryPlant",
+    "HistorySettings",
+    "LineSettings",
+    "MonitorSettings",
+    "ObserverSettings",
+    "Precision",
+    "SecondarySettings",
+]
+
+Positive = Annotated[Number, Field(gt=0)]
+NonNegative = Annotated[Number, Field(ge=0)]
+
+
+class DguSettings(Frozen):
+    """One distributed generation unit."""
+
+    id: int = Field(ge=1, description="Number of the DGU; ids ascend through the list.")
+    resistance_ohm: Positive = Field(description="R_t of the output filter [ohm].")
+    inductance_h: Positive = Field(description="L_t of the output filter [H].")
+    capacitance_f: Positive = Field(description="C_t at the bus [F].")
+    k1: Number = Field(description="Primary gain of the bus voltage; k1 < 1.")
+    k2: Number = Field(description="Primary gain of the filter current [ohm]; k2 < R_t.")
+    k3: Number = Field(description="Primary gain of the integrator [1/s]; 0 < k3 < (k1 - 1)(k2 - R_t)/L_t.")
+    reference_v: Number = Field(description="V_ref, the voltage reference [V].")
+    rated_current_a: Positive = Field(default=1.0, description="I^r [A]: secondary control makes I/I^r equal.")
+    load: tuple[Load, ...] = Field(default=(), description="Loads; their currents add up.")
+    initial_state: Literal["equilibrium"] | Vector3 = Field(
+        default="equilibrium",
+        description="State at step 0: V [V], I_t [A], v [V s], or the coupled grid's equilibrium.",
+    )
+    initial_spread: Spread3 = Field(
+        default=(0.0, 0.0, 0.0), description="Half-widths of a uniform random spread added to initial_state."
+    )
+
+    @model_validator(mode="after")
+    def _gain_condition(self) -> Self:
+        violation = self.parameters.gain_violation()
+        if violation is not None:
+            raise finding((violation[0],), getattr(self, violation[0]), f"expected {violation[1]}")
+        return self
+
+    @property
+    def parameters(self) -> DguParameters:
+        """The parameters by the symbols of the papers."""
+        return DguParameters(
+            R_t=self.resistance_ohm,
+            L_t=self.inductance_h,
+            C_t=self.capacitance_f,
+            k1=self.k1,
+            k2=self.k2,
+            k3=self.k3,
+        )
+
+    @property
+    def nominal_load(self) -> float:
+        """Mean load current at t = 0 [A]."""
+        return sum((one.nominal() for one in self.load), 0.0)
+
+
+class LineSettings(Frozen):
+    """A power line; communication runs along it in both directions."""
+
+    between: tuple[int, int] = Field(description="The two DGUs it joins.")
+    resistance_ohm: Positive = Field(description="R_ij [ohm].")
+    inductance_h: NonNegative = Field(
+        default=0.0, description="L_ij [H]; lines are quasi-stationary, L/R << T_s is checked."
+    )
+
+
+class SecondarySettings(Frozen):
+    """Secondary consensus control."""
+
+    enabled: bool = Field(default=True, description="Whether it runs.")
+    gain: Positive = Field(default=0.1, description="k_I [V/s for a difference of 1 in I/I^r].")
+
+
+class HistoryPlant(StrEnum):
+    """Which plant the offline experiment is recorded on."""
+
+    OWN = "own"
+    JOINT = "joint"
+
+
+class Precision(StrEnum):
+    """Number format of a recorded history."""
+
+    FLOAT32 = "float32"
+    FLOAT64 = "float64"
+
+
+class HistorySettings(Frozen):
+    """The offline experiment that the monitors learn a DGU from (T, section V)."""
+
+    samples: int = Field(default=20, ge=2, description="T: samples of one experiment.")
+    experiments: int = Field(default=1, ge=1, description="How many experiments, side by side.")
+    plant: HistoryPlant = Field(
+        default=HistoryPlant.OWN,
+        description="own: the DGU with its own lines, others as unknown input; joint: the jointly integrated grid.",
+    )
+    state_spread: Spread3 = Field(default=(1.0, 1.0, 1.0), description="x(0) ~ U(-s, s) for V [V], I_t [A], v [V s].")
+    load_spread_a: NonNegative = Field(
+        default=1.0, description="I_L ~ operating value + U(-s, s), new each sample [A]."
+    )
+    reference_spread_v: NonNegative = Field(
+        default=1.0, description="V_ref ~ reference_v + U(-s, s), new each sample [V]."
+    )
+    voltage_spread_v: NonNegative = Field(
+        default=1.0, description="Neighbour voltages ~ their reference_v + U(-s, s), new each sample [V]."
+    )
+    noise_std: NonNegative = Field(
+        default=0.0, description="Standard deviation of Gaussian noise on every recorded number."
+    )
+    precision: Precision = Field(default=Precision.FLOAT64, description="Number format the record is rounded to.")
+
+
+class ObserverSettings(Frozen):
+    """How a monitor designs its observer; checked by the monitor."""
+
+    kind: str = Field(default="full_order", description="Name of the design method.")
+    options: dict[str, object] = Field(default_factory=dict, description="Options of the design method.")
+
+
+FIXED_DETECTOR: dict[str, object] = {
+    "settle_sec": 0.5,
+    "calibrate_sec": 2.0,
+    "margin": 5.0,
+    "floor": [1e-6, 1e-6, 1e-6],
+}
+
+
+class DetectorSettings(Frozen):
+    """How a monitor turns residuals into alarms; checked by the monitor."""
+
+    kind: str = Field(default="fixed", description="Name of the detector.")
+    options: dict[str, object] = Field(
+        default_factory=dict,
+        description=(
+            "Options of the detector. For `fixed`: settle_sec, calibrate_sec (the attack-free stretch it learns its "
+            "thresholds from), margin (threshold = margin x largest residual seen) and floor (smallest threshold)."
+        ),
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _fill_in(cls, data: object) -> object:
+        """Make the detector's defaults explicit: the resolved scenario says everything a run used."""
+        if isinstance(data, dict) and data.get("kind", "fixed") == "fixed":
+            options = data.get("options", {})
+            if isinstance(options, dict):
+                return {**data, "options": {**FIXED_DETECTOR, **options}}
+        return data
+
+    @property
+    def calibrated_sec(self) -> float:
+        """Time at which an attack may start [s]: settling and calibration have ended."""
+        times = [self.options.get(key, 0.0) for key in ("settle_sec", "calibrate_sec")]
+        return sum((float(time) for time in times if isinstance(time, int | float)), 0.0)
+
+
+class MonitorSettings(Frozen):
+    """What every DGU runs on each of its incoming links."""
+
+    observer: ObserverSettings = Field(default_factory=ObserverSettings, description="The observer.")
+    detector: DetectorSettings = Field(
+        default_factory=lambda: DetectorSettings.model_validate({}), description="The detector."
+    )
+
+
+class AttackSettings(Frozen):
+    """An attack on one link; the parameters of its class stand beside the other keys."""
+
+    kind: str = Field(description="Name of the attack class.")
+    link: str = Field(description='The attacked link, "SOURCE-TARGET".')
+    start_sec: NonNegative = Field(description="Time of the first affected sample [s].")
+    stop_sec: Number | None = Field(default=None, description="Time of the first clean sample [s]; default: never.")
+    parameters: dict[str, object] = Field(default_factory=dict, exclude=True)
+
+    @model_validator(mode="before")
+    @classmethod
+    def _gather_parameters(cls, data: object) -> object:
+        """Split the keys into our own and those of the attack class, and let the class check its own."""
+        if not isinstance(data, dict) or not isinstance(data.get("kind"), str):
+            return data
+        if data["kind"] not in KINDS:
+            raise finding(("kind",), data["kind"], f"expected an attack class, one of {', '.join(KINDS)}")
+        ours = [key for key in cls.model_fields if key != "parameters"]
+        given = {key: value for key, value in data.items() if key not in ours}
+        try:
+            attack = KINDS[data["kind"]].model_validate(given)
+        except ValidationError as error:
+            problem = explain(error, given)
+            raise PydanticCustomError("problem", "{problem}", {"problem": problem}) from None
+        parameters = attack.model_dump(mode="json")
+        return {key: value for key, value in data.items() if key in ours} | {"parameters": parameters}
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Self:
+        if self.stop_sec is not None and self.stop_sec <= self.start_sec:
+            raise finding(("stop_sec",), self.stop_sec, f"expected a time after start_sec = {self.start_sec:g}")
+        return self
+
+    @model_serializer(mode="wrap")
+    def _flat(self, handler: SerializerFunctionWrapHandler) -> dict[str, object]:
+        return {**handler(self), **self.parameters}
+
+    @property
+    def plan(self) -> AttackPlan:
+        """What the relay schedules."""
+        return AttackPlan(
+            link=Link.parse(self.link),
+            kind=self.kind,
+            parameters=self.parameters,
+            start_sec=self.start_sec,
+            stop_sec=self.stop_sec,
+        )

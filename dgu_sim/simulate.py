@@ -1,0 +1,208 @@
+"""The only time loop: all DGUs, all links and any number of runs at once."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dgu_sim.linear import FloatArray
+from dgu_sim.plant import physical_of
+from dgu_sim.records import Physical, Sample
+from dgu_sim.relay import Relay, RelayEvent, RelayState
+from dgu_sim.scenario import Scenario
+from dgu_sim.unit import cell_of_all
+
+__all__ = ["Block", "RunEvent", "relay_of", "simulate"]
+
+BLOCK_STEPS = 1000
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunEvent:
+    """An attack event of one run; `run` is its index on the runs axis."""
+
+    run: int
+    event: RelayEvent
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Block:
+    """Consecutive steps of all runs.
+
+    Attributes:
+        first_step: Step of the first row.
+        x: True states, shape (steps, runs, DGUs, 3): V [V], I_t [A], v [V s].
+        y: Sent outputs, same shape and units.
+        load_current: I_L held over each step, shape (steps, runs, DGUs) [A].
+        reference: V_ref + alpha held over each step, same shape [V].
+        alpha: Secondary correction, same shape [V].
+        received: Received outputs, shape (steps, runs, links, 3).
+        delivered: False where a link lost the sample, shape (steps, runs, links).
+        events: Attack events of these steps, in order of step.
+    """
+
+    first_step: int
+    x: FloatArray
+    y: FloatArray
+    load_current: FloatArray
+    reference: FloatArray
+    alpha: FloatArray
+    received: FloatArray
+    delivered: NDArray[np.bool_]
+    events: tuple[RunEvent, ...]
+
+
+def relay_of(scenario: Scenario) -> tuple[Relay, RelayState]:
+    """Return the relay of a scenario's links and its state before step 0, attacks scheduled."""
+    relay = Relay(dgus=scenario.grid.dgus, links=scenario.links, sampling_period_sec=scenario.sampling_period_sec)
+    return relay, relay.init([attack.plan for attack in scenario.attacks])
+
+
+def simulate(scenario: Scenario, seeds: Sequence[int] | None = None, block_steps: int = BLOCK_STEPS) -> Iterator[Block]:
+    """Run a scenario from step 0 to its end.
+
+    Args:
+        scenario: What to run.
+        seeds: One run for each seed; None: one run with the scenario's own.
+        block_steps: Steps in a block; the last one may be shorter.
+
+    Yields:
+        Blocks in order of time. How runs and steps are grouped changes no bit of them.
+    """
+    runs = (scenario.seed,) if seeds is None else tuple(seeds)
+    wiring = _Wiring.of(scenario)
+    cell = cell_of_all(scenario, runs)
+    relay, relay_state = relay_of(scenario)
+    state = cell.init()
+    for first in range(0, scenario.steps, block_steps):
+        buffer = _Buffer.empty(wiring, min(block_steps, scenario.steps - first), len(runs))
+        events: list[RelayEvent] = []
+        for row in range(len(buffer.sent)):
+            truth, sent = buffer.truth[row], buffer.sent[row]
+            received, delivered = buffer.received[row], buffer.delivered[row]
+            output = cell.output(state)
+            truth[0], truth[1], truth[2] = output.x
+            truth[3], truth[4], truth[5] = output.load_current, output.reference, output.alpha
+            sent[0], sent[1], sent[2] = output.y
+            relay_state, occurred = wiring.relay(relay, relay_state, sent, received, delivered)
+            events += occurred
+            state = cell.step(state, wiring.physical(truth), wiring.received(received, delivered))
+        yield buffer.block(first, tuple(RunEvent(run=run, event=one) for one in events for run in range(len(runs))))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Buffer:
+    """Rows of one block while it fills, component before run so that a step's components are contiguous.
+
+    Attributes:
+        truth: V, I_t, v, I_L, V_ref + alpha, alpha; shape (steps, 6, runs, DGUs).
+        sent: y, shape (steps, 3, runs, DGUs).
+        received: y^c, shape (steps, 3, runs, links).
+        delivered: Shape (steps, runs, links).
+    """
+
+    truth: FloatArray
+    sent: FloatArray
+    received: FloatArray
+    delivered: NDArray[np.bool_]
+
+    @classmethod
+    def empty(cls, wiring: "_Wiring", steps: int, runs: int) -> "_Buffer":
+        dgus, links = wiring.dgus, len(wiring.sources)
+        return cls(
+            truth=np.empty((steps, 6, runs, dgus)),
+            sent=np.empty((steps, 3, runs, dgus)),
+            received=np.empty((steps, 3, runs, links)),
+            delivered=np.ones((steps, runs, links), dtype=np.bool_),
+        )
+
+    def block(self, first_step: int, events: tuple[RunEvent, ...]) -> Block:
+        def component_last(array: FloatArray) -> FloatArray:
+            return np.ascontiguousarray(np.moveaxis(array, 1, -1))
+
+        return Block(
+            first_step=first_step,
+            x=component_last(self.truth[:, :3]),
+            y=component_last(self.sent),
+            load_current=np.ascontiguousarray(self.truth[:, 3]),
+            reference=np.ascontiguousarray(self.truth[:, 4]),
+            alpha=np.ascontiguousarray(self.truth[:, 5]),
+            received=component_last(self.received),
+            delivered=self.delivered,
+            events=events,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Wiring:
+    """Who hears whom, as array positions.
+
+    Attributes:
+        dgus: Number of DGUs.
+        sources: Position of the sending DGU of each link.
+        physical_slots: Position of the DGU in each slot of each DGU, shape (slots, DGUs).
+        link_slots: Position of the link in each slot of each DGU, shape (slots, DGUs).
+    """
+
+    dgus: int
+    sources: NDArray[np.intp]
+    physical_slots: NDArray[np.intp]
+    link_slots: NDArray[np.intp]
+
+    @classmethod
+    def of(cls, scenario: Scenario) -> "_Wiring":
+        grid = scenario.grid
+        position = {dgu: index for index, dgu in enumerate(grid.dgus)}
+        physical = [[position[other] for other in physical_of(grid, scenario.coupling, dgu)] for dgu in grid.dgus]
+        incoming = [[p for p, link in enumerate(scenario.links) if link.target == dgu] for dgu in grid.dgus]
+        return cls(
+            dgus=len(grid.dgus),
+            sources=np.array([position[link.source] for link in scenario.links], dtype=np.intp),
+            # An empty slot has coefficient 0: it may hear anything finite, and its own DGU is as finite as itself.
+            physical_slots=_padded(physical, list(range(len(grid.dgus)))),
+            link_slots=_padded(incoming, [0] * len(grid.dgus)),
+        )
+
+    def physical(self, truth: FloatArray) -> list[Physical]:
+        """Return what each slot feels, from one row of truth (6, runs, DGUs)."""
+        slots = truth.take(self.physical_slots, axis=-1)
+        return [
+            Physical(x=slots[:3, :, slot], load_current=slots[3, :, slot], reference=slots[4, :, slot])
+            for slot in range(len(self.physical_slots))
+        ]
+
+    def received(self, received: FloatArray, delivered: NDArray[np.bool_]) -> list[Sample]:
+        """Return what each slot receives, from one row (3, runs, links)."""
+        y = received.take(self.link_slots, axis=-1)
+        arrived = delivered.take(self.link_slots, axis=-1)
+        return [Sample(y=y[:, :, slot], delivered=arrived[:, slot]) for slot in range(len(self.link_slots))]
+
+    def relay(
+        self,
+        relay: Relay,
+        state: RelayState,
+        sent: FloatArray,
+        received: FloatArray,
+        delivered: NDArray[np.bool_],
+    ) -> tuple[RelayState, tuple[RelayEvent, ...]]:
+        """Relay one row: copy what passes untouched at once, then write the samples that an attack replaced."""
+        sent.take(self.sources, axis=-1, out=received)
+        outputs = [Sample(y=sent[:, :, dgu]) for dgu in range(self.dgus)]
+        following, samples, events = relay.step(state, outputs)
+        for position, (source, sample) in enumerate(zip(self.sources, samples, strict=True)):
+            if sample is not outputs[source]:
+                for component in range(3):
+                    received[component, :, position] = sample.y[component]
+                delivered[:, position] = sample.delivered
+        return following, events
+
+
+def _padded(positions: Sequence[Sequence[int]], filler: Sequence[int]) -> NDArray[np.intp]:
+    """Return slot by DGU positions, empty slots filled with one position for each DGU."""
+    slots = max(len(own) for own in positions)
+    rows = [
+        [own[slot] if slot < len(own) else fill for own, fill in zip(positions, filler, strict=True)]
+        for slot in range(slots)
+    ]
+    return np.array(rows, dtype=np.intp).reshape(slots, len(positions))
