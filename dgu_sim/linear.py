@@ -11,7 +11,20 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Component", "FloatArray", "Matrix", "Truth", "Vector", "add", "choose", "dot", "matvec", "stack_matrices"]
+__all__ = [
+    "Component",
+    "FloatArray",
+    "Matrix",
+    "Truth",
+    "Vector",
+    "add",
+    "choose",
+    "dot",
+    "matvec",
+    "stack",
+    "stack_matrices",
+    "stack_vectors",
+]
 
 FloatArray: TypeAlias = NDArray[np.float64]
 Component: TypeAlias = float | FloatArray
@@ -45,9 +58,19 @@ def choose(condition: Truth, yes: Component, no: Component) -> Component:
     return yes if condition else no
 
 
+def stack(values: Sequence[Component]) -> FloatArray:
+    """Turn one float for each DGU into one component of shape (1, DGUs).
+
+    The leading 1 is for speed: numpy takes its fast path when one run meets coefficients of its own shape.
+    """
+    return np.array([values], dtype=np.float64)
+
+
+def stack_vectors(vectors: Sequence[Vector]) -> tuple[FloatArray, ...]:
+    """Turn one vector of floats for each DGU into one vector of components of shape (1, DGUs)."""
+    return tuple(stack(values) for values in zip(*vectors, strict=True))
+
+
 def stack_matrices(matrices: Sequence[Matrix]) -> tuple[tuple[FloatArray, ...], ...]:
-    """Turn one matrix of floats for each DGU into one matrix whose components have a last axis "DGUs"."""
-    columns = range(len(matrices[0][0]))
-    return tuple(
-        tuple(np.array([M[i][j] for M in matrices], dtype=np.float64) for j in columns) for i in range(len(matrices[0]))
-    )
+    """Turn one matrix of floats for each DGU into one matrix of components of shape (1, DGUs)."""
+    return tuple(stack_vectors(rows) for rows in zip(*matrices, strict=True))

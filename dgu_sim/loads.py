@@ -104,7 +104,8 @@ class UniformLoad(Frozen):
         """Return the current [A], shape (count,)."""
         index = _held(first, count, self.hold_sec, sampling_period_sec)
         values = source.values(int(index[0]), int(index[-1]) + 1, self._draw)
-        return values.take(index - index[0])
+        held: FloatArray = values[index - index[0]]
+        return held
 
     def _draw(self, generator: np.random.Generator) -> FloatArray:
         return generator.uniform(self.low_a, self.high_a, BLOCK)
@@ -126,7 +127,8 @@ class GaussianLoad(Frozen):
         """Return the current [A], shape (count,)."""
         index = _held(first, count, self.hold_sec, sampling_period_sec)
         values = source.values(int(index[0]), int(index[-1]) + 1, self._draw)
-        return values.take(index - index[0])
+        held: FloatArray = values[index - index[0]]
+        return held
 
     def _draw(self, generator: np.random.Generator) -> FloatArray:
         return generator.normal(self.mean_a, self.std_a, BLOCK)

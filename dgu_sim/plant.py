@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 
 from dgu_sim.grid import Grid
-from dgu_sim.linear import Component, FloatArray, Matrix, Vector, add, matvec, stack_matrices
+from dgu_sim.linear import Component, FloatArray, Matrix, Vector, add, matvec, stack_matrices, stack_vectors
 from dgu_sim.matrices import INPUTS, STATES, continuous, continuous_joint, discretise
 from dgu_sim.records import Physical
 
@@ -110,8 +110,8 @@ def plant_of_all(grid: Grid, coupling: Coupling, sampling_period_sec: float) -> 
     slots = max(len(physical_of(grid, coupling, dgu)) for dgu in grid.dgus)
     if coupling is Coupling.HELD:
         held = [plant for plant in plants if isinstance(plant, HeldPlant)]
-        padded = [[(*plant.conductances, *[0.0] * slots)[:slots]] for plant in held]
-        return HeldPlant(AE=stack_matrices([plant.AE for plant in held]), conductances=stack_matrices(padded)[0])
+        padded = [(*plant.conductances, *[0.0] * slots)[:slots] for plant in held]
+        return HeldPlant(AE=stack_matrices([plant.AE for plant in held]), conductances=stack_vectors(padded))
     if coupling is Coupling.JOINT:
         zero: Matrix = ((0.0,) * (STATES + INPUTS),) * STATES
         joint = [plant for plant in plants if isinstance(plant, JointPlant)]

@@ -3,7 +3,7 @@
 import json
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 from dgu_sim.attacks import build_attack
 from dgu_sim.errors import AttackError
@@ -23,11 +23,17 @@ class Relay:
         dgus: DGU numbers in the order of the outputs.
         links: The links in the order of the received samples.
         sampling_period_sec: T_s.
+        sources: Position in `dgus` of the sender of each link, derived.
     """
 
     dgus: tuple[int, ...]
     links: tuple[Link, ...]
     sampling_period_sec: float
+    sources: tuple[int, ...] = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Derive `sources`."""
+        object.__setattr__(self, "sources", tuple(self.dgus.index(link.source) for link in self.links))
 
     def init(self, plans: Sequence[AttackPlan] = ()) -> RelayState:
         """Return the state before step 0 with the attacks of a scenario scheduled.
@@ -108,8 +114,7 @@ class Relay:
             The next state, the received samples in the order of `links`, and the events of attacks that the
             scenario starts, or that end by themselves, at this step.
         """
-        by_dgu = dict(zip(self.dgus, outputs, strict=True))
-        samples = [by_dgu[link.source] for link in self.links]
+        samples = [outputs[source] for source in self.sources]
         if not state.attacks:
             return RelayState(step=state.step + 1, attacks=(), next_number=state.next_number), tuple(samples), ()
         attacks: list[RunningAttack] = []
@@ -139,20 +144,20 @@ class Relay:
 
     def _apply(self, one: RunningAttack, samples: list[Sample]) -> RunningAttack:
         """Replace the samples of an attack's links in place and return it with its next state."""
-        positions = [self._position(link) for link in one.links]
-        state, changed = one.attack.step(one.state, [samples[position] for position in positions])
-        for position, sample in zip(positions, changed, strict=True):
+        state, changed = one.attack.step(one.state, [samples[position] for position in one.positions])
+        for position, sample in zip(one.positions, changed, strict=True):
             samples[position] = sample
-        return replace(one, state=state)
+        return one if state is one.state else replace(one, state=state)
 
     def _schedule(
         self, state: RelayState, plan: AttackPlan, origin: Origin, start_step: int, stop_step: int | None
     ) -> tuple[RelayState, RunningAttack]:
-        self._position(plan.link)
+        positions = (self._position(plan.link),)
         attack = build_attack(plan.kind, plan.parameters)
         running = RunningAttack(
             number=state.next_number,
             links=(plan.link,),
+            positions=positions,
             kind=plan.kind,
             parameters=json.dumps(attack.model_dump(mode="json"), sort_keys=True),
             origin=origin,

@@ -73,6 +73,7 @@ class RunningAttack:
     Attributes:
         number: Number within the run, from 1.
         links: The links it acts on.
+        positions: Their positions among the relay's links.
         kind: Name of the attack class.
         parameters: JSON object with its parameters.
         origin: Who asked for it.
@@ -84,6 +85,7 @@ class RunningAttack:
 
     number: int
     links: tuple[Link, ...]
+    positions: tuple[int, ...]
     kind: str
     parameters: str
     origin: Origin

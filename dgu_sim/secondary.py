@@ -3,10 +3,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from dgu_sim.grid import Grid
-from dgu_sim.linear import Component, Vector, choose
+from dgu_sim.linear import Component, Vector, choose, stack, stack_vectors
 from dgu_sim.records import Sample
 
 __all__ = ["Consensus", "consensus_of", "consensus_of_all"]
@@ -60,7 +58,7 @@ def consensus_of_all(grid: Grid, rated_currents: Sequence[float], step_gain: flo
     padding = (0.0,) * slots
     return Consensus(
         step_gain=step_gain,
-        own_inverse_rating=np.array([one.own_inverse_rating for one in each]),
-        inverse_ratings=tuple(np.array([(*one.inverse_ratings, *padding)[s] for one in each]) for s in range(slots)),
-        weights=tuple(np.array([(*one.weights, *padding)[s] for one in each]) for s in range(slots)),
+        own_inverse_rating=stack([one.own_inverse_rating for one in each]),
+        inverse_ratings=stack_vectors([(*one.inverse_ratings, *padding)[:slots] for one in each]),
+        weights=stack_vectors([(*one.weights, *padding)[:slots] for one in each]),
     )

@@ -190,10 +190,9 @@ class _Wiring:
         sent.take(self.sources, axis=-1, out=received)
         outputs = [Sample(y=sent[:, :, dgu]) for dgu in range(self.dgus)]
         following, samples, events = relay.step(state, outputs)
-        for position, (source, sample) in enumerate(zip(self.sources, samples, strict=True)):
+        for position, (source, sample) in enumerate(zip(relay.sources, samples, strict=True)):
             if sample is not outputs[source]:
-                for component in range(3):
-                    received[component, :, position] = sample.y[component]
+                received[0, :, position], received[1, :, position], received[2, :, position] = sample.y
                 delivered[:, position] = sample.delivered
         return following, events
 

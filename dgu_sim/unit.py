@@ -3,10 +3,9 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from dgu_sim.cell import Cell, UnitOutput, UnitState
 from dgu_sim.exogenous import DguExogenous, GridExogenous
+from dgu_sim.linear import stack
 from dgu_sim.noise import NoNoise
 from dgu_sim.plant import Coupling, physical_of, plant_of, plant_of_all
 from dgu_sim.records import Physical, Sample
@@ -85,7 +84,7 @@ def cell_of_all(scenario: Scenario, seeds: Sequence[int]) -> Cell:
         exogenous=GridExogenous(
             members=tuple(tuple(_exogenous(scenario, dgu, seed) for dgu in grid.dgus) for seed in seeds)
         ),
-        reference=np.array([one.reference_v for one in scenario.dgus]),
+        reference=stack([one.reference_v for one in scenario.dgus]),
     )
 
 
