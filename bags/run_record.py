@@ -1,0 +1,95 @@
+"""A whole recorded run in memory."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bags.records import AlarmRecord, DesignRecord, HistoryRecord
+from bags.schema import RunTopics
+from dgu_sim.grid import Link
+from dgu_sim.relay import Action, RelayEvent
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunRecord:
+    """Everything a bag says about a run; axes "dgus" and "links" are in the order of `topics`.
+
+    Attributes:
+        path: The bag.
+        topics: DGUs, links and sampling period.
+        steps: Complete steps: a last step of which messages are missing is left out.
+        x: True states, shape (steps, dgus, 3): V [V], I_t [A], v [V s].
+        load_current: I_L, shape (steps, dgus) [A].
+        reference: V_ref + alpha, shape (steps, dgus) [V].
+        alpha: Secondary correction, shape (steps, dgus) [V].
+        y: Outputs as sent, shape (steps, dgus, 3) [V, A, V s].
+        received: Outputs as received, shape (steps, links, 3) [V, A, V s].
+        delivered: False where a link lost the sample, shape (steps, links).
+        phase: Phase of each monitor (the constants of Residual.msg), shape (steps, links).
+        alarm: Verdict of each monitor, shape (steps, links).
+        estimate: State estimates, shape (steps, links, 3) [V, A, V s].
+        residual: Residuals, shape (steps, links, 3) [V, A, V s]; NaN where there is none.
+        threshold: Thresholds, shape (steps, links, 3) [V, A, V s]; NaN before they are set.
+        histories: Offline experiments, by DGU and number.
+        designs: What was designed for each link.
+        events: Attacks that started or stopped, in order of time.
+        alarms: Alarms that started or ended, in order of time.
+        attachments: Documents in the bag by name.
+    """
+
+    path: Path
+    topics: RunTopics
+    steps: int
+    x: NDArray[np.float64]
+    load_current: NDArray[np.float64]
+    reference: NDArray[np.float64]
+    alpha: NDArray[np.float64]
+    y: NDArray[np.float64]
+    received: NDArray[np.float64]
+    delivered: NDArray[np.bool_]
+    phase: NDArray[np.uint8]
+    alarm: NDArray[np.bool_]
+    estimate: NDArray[np.float64]
+    residual: NDArray[np.float64]
+    threshold: NDArray[np.float64]
+    histories: tuple[HistoryRecord, ...]
+    designs: Mapping[Link, DesignRecord]
+    events: tuple[RelayEvent, ...]
+    alarms: tuple[AlarmRecord, ...]
+    attachments: Mapping[str, bytes]
+
+    @property
+    def links(self) -> tuple[Link, ...]:
+        """The links, ordered by (target, source)."""
+        return self.topics.links
+
+    @property
+    def sampling_period_sec(self) -> float:
+        """T_s [s]."""
+        return self.topics.sampling_period_ns * 1e-9
+
+    @property
+    def time_sec(self) -> NDArray[np.float64]:
+        """Simulated time of each step, shape (steps,) [s]."""
+        return np.arange(self.steps, dtype=np.float64) * self.sampling_period_sec
+
+    @property
+    def scenario_text(self) -> str:
+        """The scenario as YAML, "" when the bag holds none."""
+        return self.attachments.get("scenario.yaml", b"").decode()
+
+    def attack_intervals(self, link: Link) -> tuple[tuple[int, int], ...]:
+        """Steps [start, stop) during which attacks ran on a link, by start; one without a stop ends with the run."""
+        starts: dict[int, int] = {}
+        intervals = []
+        for event in self.events:
+            if event.link == link and event.action is Action.START:
+                starts[event.attack] = event.step
+            elif event.link == link and event.attack in starts:
+                intervals.append((starts.pop(event.attack), event.step))
+        return tuple(sorted([*intervals, *((start, self.steps) for start in starts.values())]))
