@@ -6,7 +6,6 @@ import json
 from functools import partial
 from typing import TYPE_CHECKING
 
-from bags.convert import attack_record
 from bags.schema import ATTACKER_NODE
 from dcmg_msgs.msg import AttackEvent
 from dcmg_msgs.srv import ListAttacks, StartAttack, StopAttack
@@ -69,7 +68,7 @@ class AttackerNode:
 
     def _announce(self, events: Sequence[RelayEvent]) -> None:
         for event in events:
-            self.ports.publish(self._events.topic.name, self._events.encode(attack_record(event)))
+            self.ports.publish(self._events.topic.name, self._events.encode(event))
 
     def _on_start(self, request: StartAttack.Request, response: StartAttack.Response) -> StartAttack.Response:
         link = Link(request.source, request.target)
