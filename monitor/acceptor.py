@@ -1,0 +1,113 @@
+"""All observers that reproduce every trajectory in the data: W S = X_f with W = W0 + Q N.
+
+T (13)-(14) for the full order, reduced-order UIO paper (14)-(19) for the reduced order, parametrised after Disaro and
+Valcher (arXiv 2311.00673). One path for both: they differ in which states the target holds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import null_space
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from monitor.behaviour import Behaviour
+
+
+_HIDDEN = 1e-9  # relative: a direction that leaves the kernel by less is hidden
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Regression:
+    """Regressors and target on the basis of the behaviour.
+
+    Attributes:
+        S: (m + p + k + m + p, r) rows [U_p; Y_p; Xi_p; U_f; Y_f], Xi the k estimated states.
+        target: (k, r) Xi_f.
+        widths: (m, p, k), the block heights.
+    """
+
+    S: NDArray[np.float64]
+    target: NDArray[np.float64]
+    widths: tuple[int, int, int]
+
+    @property
+    def state_columns(self) -> slice:
+        """Columns of W that multiply the estimate."""
+        m, p, k = self.widths
+        return slice(m + p, m + p + k)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Acceptors:
+    """All solutions W = W0 + Q N of W S = target.
+
+    Attributes:
+        regression: what is solved.
+        W0: (k, s) the solution of least norm.
+        N: (f, s) orthonormal rows that span the left null space of S; Q (k, f) is free.
+        margin: smallest singular value of S relative to its largest on the target's behaviour; the kernel condition
+            ker S in ker target holds exactly when it is not zero.
+    """
+
+    regression: Regression
+    W0: NDArray[np.float64]
+    N: NDArray[np.float64]
+    margin: float
+
+    @property
+    def W_x0(self) -> NDArray[np.float64]:  # noqa: N802 - the symbol of the paper
+        """(k, k) block of W0 that multiplies the estimate: A_UIO for Q = 0."""
+        return self.W0[:, self.regression.state_columns]
+
+    @property
+    def N_x(self) -> NDArray[np.float64]:  # noqa: N802 - the symbol of the paper
+        """(f, k) block of N that multiplies the estimate."""
+        return self.N[:, self.regression.state_columns]
+
+
+def regress(behaviour: Behaviour, selection: NDArray[np.float64]) -> Regression:
+    """Set up the equation for the states `selection @ x`, selection (k, n)."""
+    m, p, k = len(behaviour.L_u), len(behaviour.C), len(selection)
+    C, L_x, L_xf = behaviour.C, behaviour.L_x, behaviour.L_xf
+    S = np.vstack([behaviour.L_u, C @ L_x, selection @ L_x, behaviour.L_uf, C @ L_xf])
+    return Regression(S=S, target=selection @ L_xf, widths=(m, p, k))
+
+
+def solve(regression: Regression, tolerance: float) -> Acceptors | None:
+    """Solve W S = target for all W, or return None when ker S is not in ker target: T (13) fails.
+
+    `tolerance` is relative to the largest singular value of S.
+    """
+    S, target = regression.S, regression.target
+    left, values, right = np.linalg.svd(S, full_matrices=True)
+    rank = int(np.count_nonzero(values > tolerance * values[0]))
+    kernel = right[rank:].T
+    if kernel.size and np.linalg.norm(target @ kernel, 2) > tolerance * values[0]:
+        return None
+    W0 = (target @ right[:rank].T / values[:rank]) @ left[:, :rank].T
+    return Acceptors(regression=regression, W0=W0, N=left[:, rank:].T, margin=float(values[rank - 1] / values[0]))
+
+
+def unstable_fixed_modes(acceptors: Acceptors, limit: float) -> NDArray[np.complex128]:
+    """Eigenvalues of W_x0 + Q N_x of modulus >= limit that no Q moves: the unstable invariant zeros of (A, E, C)."""
+    A, C = acceptors.W_x0, acceptors.N_x
+    hidden = _unobservable(A, C)
+    modes = np.linalg.eigvals(hidden.T @ A @ hidden) if hidden.shape[1] else np.zeros(0)
+    return modes[np.abs(modes) >= limit].astype(np.complex128)
+
+
+def _unobservable(A: NDArray[np.float64], C: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Orthonormal basis of the unobservable subspace of (A, C), by shrinking ker C to its largest A-invariant part."""
+    basis: NDArray[np.float64] = null_space(C, rcond=_HIDDEN) if len(C) else np.eye(len(A))
+    while basis.shape[1]:
+        leaving = A @ basis - basis @ (basis.T @ A @ basis)
+        kept = null_space(leaving, rcond=None) if np.linalg.norm(leaving) > _HIDDEN else np.eye(basis.shape[1])
+        if kept.shape[1] == basis.shape[1]:
+            return basis
+        basis = basis @ kept
+    return basis

@@ -1,0 +1,140 @@
+"""Fixed thresholds, calibrated on an attack-free stretch of the run itself."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple
+
+import numpy as np
+from pydantic import ConfigDict, Field
+from pydantic.dataclasses import dataclass as checked_dataclass
+
+from monitor.detectors.protocol import Phase, Verdict
+from monitor.errors import MonitorError
+from monitor.linear import is_missing, larger, select
+from monitor.options import parse_options
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from monitor.linear import Component, Count, Flag, Vector
+
+KIND = "fixed"
+
+
+@checked_dataclass(frozen=True, slots=True, kw_only=True, config=ConfigDict(extra="forbid"))
+class FixedOptions:
+    """Options of the fixed detector.
+
+    Attributes:
+        settle_sec: the observer's initial error dies out, nothing is learned [s].
+        calibrate_sec: the largest |r_i| is learned; no attack may run [s].
+        margin: threshold_i = max(margin * largest |r_i|, floor_i); 2 leaves 5 to 6 standard deviations of white noise.
+        floor: smallest threshold, one number or one an output; it covers rounding and what calibration did not meet.
+    """
+
+    settle_sec: float = Field(default=0.5, ge=0.0)
+    calibrate_sec: float = Field(default=2.0, ge=0.0)
+    margin: float = Field(default=2.0, gt=0.0)
+    floor: tuple[float, ...] | float = 1e-4
+
+
+class FixedState(NamedTuple):
+    """Progress through the phases.
+
+    Attributes:
+        age: samples since the observer (re)started.
+        learned: samples calibration has seen.
+        peak: p components, largest |r_i| seen while calibrating.
+        threshold: p components, NaN until calibration is complete.
+    """
+
+    age: Count
+    learned: Count
+    peak: Vector
+    threshold: Vector
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FixedDetector:
+    """Alarm = OR over components |r_i| > threshold_i (theory, section 8), thresholds learned once and kept.
+
+    Phases: SETTLING, CALIBRATING, ARMED. A missing sample (residual NaN) restarts the settling, not the calibration.
+
+    Attributes:
+        settle_steps: samples without a verdict after every (re)start.
+        calibrate_steps: samples that the thresholds are learned from.
+        margin: factor on the largest residual learned.
+        floor: smallest threshold, one number for all components or one each.
+    """
+
+    settle_steps: int
+    calibrate_steps: int
+    margin: float
+    floor: tuple[float, ...]
+
+    def init(self, outputs: int) -> FixedState:
+        """State before the first residual of `outputs` components.
+
+        Raises:
+            MonitorError: the floor has another number of components.
+        """
+        floor = self._floor(outputs)
+        threshold = floor if self.calibrate_steps == 0 else (float("nan"),) * outputs
+        return FixedState(0, 0, (0.0,) * outputs, threshold)
+
+    def step(self, state: FixedState, residual: Vector) -> tuple[FixedState, Verdict]:
+        """Take the next residual."""
+        missing = is_missing(residual[0])  # observers spread a NaN to every component
+        age = _restart(missing, state.age)
+        settled = age > self.settle_steps
+        learning = settled & (state.learned < self.calibrate_steps)
+        armed = settled & (state.learned >= self.calibrate_steps)
+        magnitude = tuple([abs(component) for component in residual])
+        alarm: Flag = False
+        for value, limit in zip(magnitude, state.threshold, strict=True):
+            alarm = alarm | (value > limit)
+        following = FixedState(age, state.learned, state.peak, state.threshold)
+        if learning is not False:
+            following = self._learn(following, learning, magnitude)
+        phase = Phase.SETTLING.value + learning + 2 * armed
+        return following, Verdict(phase, following.threshold, armed & alarm)
+
+    def _learn(self, state: FixedState, learning: Flag, magnitude: tuple[Component, ...]) -> FixedState:
+        """Take the magnitudes into the peaks and set the thresholds when enough is seen."""
+        learned = state.learned + learning
+        complete = learned >= self.calibrate_steps
+        peak = tuple(
+            select(learning, larger(largest, value), largest)
+            for largest, value in zip(state.peak, magnitude, strict=True)
+        )
+        threshold = tuple(
+            select(complete, larger(self.margin * largest, least), float("nan"))
+            for largest, least in zip(peak, self._floor(len(peak)), strict=True)
+        )
+        return FixedState(state.age, learned, peak, threshold)
+
+    def _floor(self, outputs: int) -> tuple[float, ...]:
+        floor = self.floor * outputs if len(self.floor) == 1 else self.floor
+        if len(floor) != outputs:
+            raise MonitorError(f"{KIND}: floor has {len(floor)} components, expected 1 or {outputs}")
+        return floor
+
+
+def _restart(missing: Flag, age: Count) -> Count:
+    """Samples since the last missing one."""
+    if isinstance(missing, bool):
+        return 0 if missing else age + 1
+    return np.where(missing, 0, age + 1)
+
+
+def build(options: Mapping[str, object], sampling_period_sec: float) -> FixedDetector:
+    """Build the detector from the options of a scenario."""
+    parsed = parse_options(FixedOptions, options, KIND)
+    floor = parsed.floor if isinstance(parsed.floor, tuple) else (parsed.floor,)
+    return FixedDetector(
+        settle_steps=round(parsed.settle_sec / sampling_period_sec),
+        calibrate_steps=round(parsed.calibrate_sec / sampling_period_sec),
+        margin=parsed.margin,
+        floor=floor,
+    )

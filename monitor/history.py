@@ -1,0 +1,188 @@
+"""The offline experiments on one DGU: everything that a monitor ever learns about the plant."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from monitor.errors import HistoryError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+_PERIOD_TOLERANCE = 1e-9  # relative: sampling periods that differ by rounding only are the same
+
+
+@dataclass(frozen=True, slots=True)
+class Experiment:
+    """One recorded stretch of consecutive samples; a NaN marks a value that is missing.
+
+    Attributes:
+        u: known inputs, (T, m), SI units; m may be 0.
+        y: outputs as they are sent over the network, (T, p).
+        x: states, (T, n).
+        sampling_period_sec: T_s [s] of this experiment, if it is recorded with it.
+    """
+
+    u: NDArray[np.float64]
+    y: NDArray[np.float64]
+    x: NDArray[np.float64]
+    sampling_period_sec: float | None = None
+
+    def __post_init__(self) -> None:
+        """Raise HistoryError unless u, y and x are tables with one row a sample."""
+        for name in ("u", "y", "x"):
+            table = np.asarray(getattr(self, name), dtype=np.float64)
+            if table.ndim != 2:  # noqa: PLR2004 - rows and columns
+                raise HistoryError(f"{name} has shape {table.shape}, expected (samples, columns)")
+            object.__setattr__(self, name, table)
+        if not len(self.u) == len(self.y) == len(self.x):
+            lengths = f"u, y, x have {len(self.u)}, {len(self.y)}, {len(self.x)} samples"
+            raise HistoryError(f"{lengths}, expected the same number: record them at the same instants")
+
+
+@dataclass(frozen=True, slots=True)
+class History:
+    """All experiments on one DGU, recorded with one sampling period.
+
+    Attributes:
+        experiments: at least one, with the same numbers of columns.
+        sampling_period_sec: T_s [s].
+    """
+
+    experiments: tuple[Experiment, ...]
+    sampling_period_sec: float
+
+    def __post_init__(self) -> None:
+        """Raise HistoryError when the experiments do not belong together."""
+        object.__setattr__(self, "experiments", tuple(self.experiments))
+        if not self.experiments:
+            raise HistoryError("the history holds no experiment, expected at least one")
+        if not self.sampling_period_sec > 0.0:
+            raise HistoryError(f"the sampling period is {self.sampling_period_sec} s, expected a positive one")
+        first = self.experiments[0]
+        for number, experiment in enumerate(self.experiments):
+            for name in ("u", "y", "x"):
+                found, expected = getattr(experiment, name).shape[1], getattr(first, name).shape[1]
+                if found != expected:
+                    raise HistoryError(
+                        f"experiment {number} has {found} columns in {name}, experiment 0 has {expected}: "
+                        "record the same signals in every experiment"
+                    )
+            period = experiment.sampling_period_sec
+            if period is not None and abs(period / self.sampling_period_sec - 1.0) > _PERIOD_TOLERANCE:
+                raise HistoryError(
+                    f"experiment {number} is sampled every {period} s, the history every {self.sampling_period_sec} s: "
+                    "resample it or leave it out"
+                )
+
+    @property
+    def inputs(self) -> int:
+        """Number m of known inputs."""
+        return int(self.experiments[0].u.shape[1])
+
+    @property
+    def outputs(self) -> int:
+        """Number p of outputs that are sent."""
+        return int(self.experiments[0].y.shape[1])
+
+    @property
+    def states(self) -> int:
+        """Number n of states."""
+        return int(self.experiments[0].x.shape[1])
+
+
+def single(u: ArrayLike, y: ArrayLike, x: ArrayLike, sampling_period_sec: float) -> History:
+    """Make a history of one experiment."""
+    tables = [np.asarray(table, dtype=np.float64) for table in (u, y, x)]
+    return History((Experiment(tables[0], tables[1], tables[2]),), sampling_period_sec)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DataMatrices:
+    """Past and future data of T (3), (4): column t holds samples t and t + 1 of one experiment, side by side.
+
+    Attributes:
+        U_p: (m, N) known inputs at t.
+        Y_p: (p, N) outputs at t.
+        X_p: (n, N) states at t.
+        U_f: (m, N) known inputs at t + 1.
+        Y_f: (p, N) outputs at t + 1.
+        X_f: (n, N) states at t + 1.
+        experiments: how many experiments contributed.
+        dropped: columns left out because of a missing value.
+        groups: (N,) number of the experiment a column comes from.
+    """
+
+    U_p: NDArray[np.float64]
+    Y_p: NDArray[np.float64]
+    X_p: NDArray[np.float64]
+    U_f: NDArray[np.float64]
+    Y_f: NDArray[np.float64]
+    X_f: NDArray[np.float64]
+    experiments: int
+    dropped: int
+    groups: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+
+    @property
+    def columns(self) -> int:
+        """Number N of columns."""
+        return int(self.X_p.shape[1])
+
+
+def data_matrices(history: History) -> DataMatrices:
+    """Stack the experiments side by side (mosaic Hankel matrices of depth 2); columns with a gap are dropped.
+
+    Raises:
+        HistoryError: nothing is sent or measured, too few columns are left, or a signal never changes.
+    """
+    n, m, p = history.states, history.inputs, history.outputs
+    if n == 0 or p == 0:
+        raise HistoryError(f"the history has {p} outputs and {n} states, expected at least one of each")
+    past, future, groups = [], [], []
+    for number, experiment in enumerate(history.experiments):
+        samples = np.hstack([experiment.u, experiment.y, experiment.x])
+        past.append(samples[:-1])
+        future.append(samples[1:])
+        groups.append(np.full(max(len(samples) - 1, 0), number))
+    before, after, group = np.vstack(past).T, np.vstack(future).T, np.concatenate(groups)
+    whole = np.isfinite(before).all(axis=0) & np.isfinite(after).all(axis=0)
+    dropped = int(np.count_nonzero(~whole))
+    before, after = before[:, whole], after[:, whole]
+    _check_length(before.shape[1], dropped, n, m)
+    _check_motion(np.hstack([before, after]), m, p)
+    cuts = np.cumsum([m, p])
+    U_p, Y_p, X_p = np.split(before, cuts)
+    U_f, Y_f, X_f = np.split(after, cuts)
+    return DataMatrices(
+        U_p=U_p,
+        Y_p=Y_p,
+        X_p=X_p,
+        U_f=U_f,
+        Y_f=Y_f,
+        X_f=X_f,
+        experiments=len(history.experiments),
+        dropped=dropped,
+        groups=group[whole].astype(np.int64),
+    )
+
+
+def _check_length(columns: int, dropped: int, n: int, m: int) -> None:
+    """Refuse a history with fewer columns than its data would span with one unknown input."""
+    needed = n + 2 * m + 1
+    if columns < needed:
+        gaps = f" ({dropped} more hold NaN or infinite values)" if dropped else ""
+        raise HistoryError(
+            f"the history has {columns} pairs of consecutive samples{gaps}, expected at least {needed} "
+            f"for {n} states and {m} known inputs: record longer"
+        )
+
+
+def _check_motion(samples: NDArray[np.float64], m: int, p: int) -> None:
+    """Refuse a signal that never changes: nothing can be learned about how it acts."""
+    for row, signal in enumerate(samples):
+        if np.ptp(signal) == 0.0:
+            name = f"u[{row}]" if row < m else f"y[{row - m}]" if row < m + p else f"x[{row - m - p}]"
+            raise HistoryError(f"{name} is constant at {signal[0]:g} in the whole history: excite it, or leave it out")

@@ -1,0 +1,71 @@
+"""What every observer and every design is, whatever the method."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from monitor.certificate import Certificate
+    from monitor.linear import Component, Vector
+
+
+class Estimate(NamedTuple):
+    """What an observer concludes at one step.
+
+    Attributes:
+        estimate: xhat_t, n components, units of x.
+        residual: r_t, p components, units of y; zero on every trajectory of the plant once the start has died out.
+    """
+
+    estimate: Vector
+    residual: Vector
+
+
+class Observer(Protocol):
+    """A running observer: holds parameters only; its state is a vector of components in which NaN spreads."""
+
+    @property
+    def inputs(self) -> int:
+        """Number m of known inputs."""
+
+    @property
+    def outputs(self) -> int:
+        """Number p of outputs it needs."""
+
+    @property
+    def states(self) -> int:
+        """Number n of states it estimates."""
+
+    def init(self, u: Sequence[Component], y: Sequence[Component]) -> Vector:
+        """State before the first sample is used."""
+
+    def step(self, state: Vector, u: Sequence[Component], y: Sequence[Component]) -> tuple[Vector, Estimate]:
+        """Estimate x_t and the residual from the samples up to t, and advance."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Design:
+    """The observer designed from a history, or the reason why there is none.
+
+    Attributes:
+        kind: name of the design method.
+        observer: the running observer, None when refused.
+        certificate: what the data showed and what the residual can and cannot see.
+    """
+
+    kind: str
+    observer: Observer | None
+    certificate: Certificate
+
+    @property
+    def accepted(self) -> bool:
+        """Whether there is an observer."""
+        return self.observer is not None
+
+    @property
+    def verdict(self) -> str:
+        """One line in plain words."""
+        return self.certificate.verdict

@@ -1,0 +1,113 @@
+"""Measuring an observer: how its error decays and what its residual sees of a falsified output.
+
+With phi added to y, and the plant at rest, z+ = A z + B_y phi and r = H z + J_y phi (theory: r_t = (I - D) phi_t -
+sum_j A^j B phi_{t-1-j} for the full order).
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import null_space, solve_discrete_lyapunov
+
+from monitor.certificate import DynamicsReport, ResidualReport, smallest_crossing
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from monitor.observers.linear_observer import LinearObserver
+
+_BLIND = 1e-6  # a residual that shows less than a millionth of every falsification shows nothing
+_INVISIBLE = 1e-6  # relative: steady gains below are zero
+_DECAY = 0.01  # an error is gone when 1 % of it is left
+_LONGEST = 100_000  # steps after which a decay or a step response is cut off
+
+
+def measure_dynamics(
+    observer: LinearObserver, strategy: str, kernel_residual: float, sampling_period_sec: float
+) -> DynamicsReport:
+    """Report how the error e+ = A e behaves."""
+    eigenvalues = np.linalg.eigvals(observer.A) if observer.order else np.zeros(0)
+    radius = float(np.max(np.abs(eigenvalues), initial=0.0))
+    steps = convergence_steps(observer.A) if radius < 1.0 else None
+    return DynamicsReport(
+        strategy=strategy,
+        order=observer.order,
+        kernel_residual=kernel_residual,
+        eigenvalues=np.column_stack([eigenvalues.real, eigenvalues.imag]),
+        spectral_radius=radius,
+        convergence_steps=steps,
+        convergence_sec=None if steps is None else steps * sampling_period_sec,
+    )
+
+
+def convergence_steps(A: NDArray[np.float64]) -> int | None:
+    """Smallest k with |A^k| <= 1 %, by doubling and bisection; None when it takes unreasonably long."""
+    if not A.size or np.linalg.norm(A, 2) == 0.0:
+        return 1 if A.size else 0
+    high = 1
+    while np.linalg.norm(np.linalg.matrix_power(A, high), 2) > _DECAY:
+        high *= 2
+        if high > _LONGEST:
+            return None
+    low = high // 2
+    while high - low > 1:
+        middle = (low + high) // 2
+        low, high = (low, middle) if np.linalg.norm(np.linalg.matrix_power(A, middle), 2) <= _DECAY else (middle, high)
+    return high
+
+
+def measure_residual(observer: LinearObserver, threshold: NDArray[np.float64]) -> ResidualReport:
+    """Report what the residual of a Schur observer shows of phi."""
+    p = observer.outputs
+    A, H = observer.A, observer.H
+    B, J = observer.B[:, observer.inputs :], observer.J[:, observer.inputs :]
+    dc_gain = J + H @ np.linalg.solve(np.eye(len(A)) - A, B)
+    peak_gain = _peak_of_step(A, B, H, J, dc_gain)
+    blind = bool(np.max(peak_gain, initial=0.0) < _BLIND)
+    spread = solve_discrete_lyapunov(A, B @ B.T) if len(A) else np.zeros((0, 0))
+    rank = 0 if blind else _normal_rank(A, B, H, J)
+    return ResidualReport(
+        blind=blind,
+        residual_rank=rank,
+        stealthy_inputs=p - rank,
+        dc_gain=dc_gain,
+        invisible_bias=np.eye(p) if blind else null_space(dc_gain, rcond=_INVISIBLE),
+        peak_gain=peak_gain,
+        threshold=threshold,
+        smallest_bias=smallest_crossing(peak_gain, threshold),
+        smallest_steady_bias=smallest_crossing(dc_gain, threshold),
+        noise_gain=J @ J.T + H @ spread @ H.T,
+    )
+
+
+def _peak_of_step(
+    A: NDArray[np.float64],
+    B: NDArray[np.float64],
+    H: NDArray[np.float64],
+    J: NDArray[np.float64],
+    dc_gain: NDArray[np.float64],
+) -> NDArray[np.float64]:
+    """Largest |r_i| after a unit step in phi_j: run the step response until it has settled."""
+    peak = np.maximum(np.abs(J), np.abs(dc_gain))
+    state = np.array(B)
+    settled = np.linalg.solve(np.eye(len(A)) - A, B)
+    for _ in range(_LONGEST):
+        peak = np.maximum(peak, np.abs(J + H @ state))
+        state = A @ state + B
+        if np.max(np.abs(state - settled), initial=0.0) <= _INVISIBLE * (1.0 + np.max(np.abs(settled), initial=0.0)):
+            break
+    return peak
+
+
+def _normal_rank(A: NDArray[np.float64], B: NDArray[np.float64], H: NDArray[np.float64], J: NDArray[np.float64]) -> int:
+    """Rank of the transfer matrix J + H (zI - A)^-1 B at points where no zero is to be expected."""
+    points = (1.7 * np.exp(0.9j), 2.3 * np.exp(2.1j))
+    identity = np.eye(len(A))
+    ranks = []
+    for point in points:
+        gain = J + H @ np.linalg.solve(point * identity - A, B.astype(complex))
+        values = np.linalg.svd(gain, compute_uv=False)
+        ranks.append(int(np.count_nonzero(values > _BLIND * max(float(values[0]), _BLIND))))
+    return max(ranks)
