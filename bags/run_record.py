@@ -8,6 +8,7 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
+from bags.origin import SCENARIO_ATTACHMENT
 from bags.records import AlarmRecord, DesignRecord, HistoryRecord
 from bags.schema import RunTopics
 from dgu_sim.grid import Link
@@ -81,7 +82,7 @@ class RunRecord:
     @property
     def scenario_text(self) -> str:
         """The scenario as YAML, "" when the bag holds none."""
-        return self.attachments.get("scenario.yaml", b"").decode()
+        return self.attachments.get(SCENARIO_ATTACHMENT, b"").decode()
 
     def attack_intervals(self, link: Link) -> tuple[tuple[int, int], ...]:
         """Steps [start, stop) during which attacks ran on a link, by start; one without a stop ends with the run."""

@@ -1,0 +1,235 @@
+"""All monitors of a run at once, as the offline simulation and the replay need them.
+
+A node steps one LinkMonitor with floats. Here the same LinkMonitor steps all links whose observers have the same
+shape with arrays over links: the same multiply-adds in the same order, so the same bits.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bags.schema import RunTopics
+from dgu_sim.grid import Link
+from dgu_sim.settings import MonitorSettings
+from monitor import detectors, observers
+from monitor.detectors import Phase
+from monitor.history import History
+from monitor.linear import Component, Vector, matvec
+from monitor.link_monitor import LinkMonitor, MonitorOutput, MonitorState
+from monitor.observers import Design, Estimate, LinearObserver, Observer
+
+_WIDTH = 3  # components of a received output
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StackedObserver:
+    """Linear observers of equal shape side by side: `LinearObserver` with matrices of components over links.
+
+    Attributes:
+        whole: [H J; M D; A B] of each link, shape (p + n + q, q + m + p, links).
+        start: Z of each link, shape (q, m + p, links).
+        inputs: m.
+        outputs: p.
+        states: n.
+    """
+
+    whole: NDArray[np.float64]
+    start: NDArray[np.float64]
+    inputs: int
+    outputs: int
+    states: int
+
+    def init(self, u: Sequence[Component], y: Sequence[Component]) -> Vector:
+        """State before the first sample is used."""
+        return matvec(self.start, (*u, *y))
+
+    def step(self, state: Vector, u: Sequence[Component], y: Sequence[Component]) -> tuple[Vector, Estimate]:
+        """Estimate x_t and the residual from the samples up to t, and advance."""
+        out = matvec(self.whole, (*state, *u, *y))
+        known = self.outputs + self.states
+        return out[known:], Estimate(estimate=out[self.outputs : known], residual=out[: self.outputs])
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkGroup:
+    """Links whose monitors step together.
+
+    Attributes:
+        positions: Where they are on the axis "links", shape (group,).
+        monitor: Their monitors as one.
+    """
+
+    positions: NDArray[np.intp]
+    monitor: LinkMonitor
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MonitorArrays:
+    """What all monitors concluded over some steps; the fields are those of RunRecord."""
+
+    phase: NDArray[np.uint8]
+    alarm: NDArray[np.bool_]
+    estimate: NDArray[np.float64]
+    residual: NDArray[np.float64]
+    threshold: NDArray[np.float64]
+
+    def at(self, row: int, link: int) -> MonitorOutput:
+        """What one monitor concluded at one step, as numbers."""
+        return MonitorOutput(
+            phase=int(self.phase[row, link]),
+            alarm=bool(self.alarm[row, link]),
+            estimate=self.estimate[row, link].tolist(),
+            residual=self.residual[row, link].tolist(),
+            threshold=self.threshold[row, link].tolist(),
+        )
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunMonitors:
+    """The monitors of all links of a run.
+
+    Attributes:
+        designs: What was designed for each link, in the order of the links.
+        groups: How they step.
+    """
+
+    designs: tuple[Design, ...]
+    groups: tuple[LinkGroup, ...]
+
+    def init(self) -> tuple[MonitorState, ...]:
+        """State before the first sample."""
+        return tuple(group.monitor.init() for group in self.groups)
+
+    def run(
+        self, states: Sequence[MonitorState], received: NDArray[np.float64], delivered: NDArray[np.bool_]
+    ) -> tuple[tuple[MonitorState, ...], MonitorArrays]:
+        """Take the samples of consecutive steps.
+
+        Args:
+            states: State of each group.
+            received: Shape (steps, links, 3).
+            delivered: Shape (steps, links).
+        """
+        shape = delivered.shape
+        arrays = MonitorArrays(
+            phase=np.full(shape, Phase.REFUSED.value, dtype=np.uint8),
+            alarm=np.zeros(shape, dtype=np.bool_),
+            estimate=np.full((*shape, _WIDTH), np.nan),
+            residual=np.full((*shape, _WIDTH), np.nan),
+            threshold=np.full((*shape, _WIDTH), np.nan),
+        )
+        following = [
+            _run_group(group, state, received, delivered, arrays)
+            for group, state in zip(self.groups, states, strict=True)
+        ]
+        return tuple(following), arrays
+
+
+def design_monitors(topics: RunTopics, settings: MonitorSettings, histories: Mapping[int, History]) -> RunMonitors:
+    """Design an observer for every link from the history of its source.
+
+    Args:
+        topics: The links and T_s.
+        settings: Observer and detector.
+        histories: History of each DGU.
+
+    Raises:
+        monitor.errors.MonitorError: Unknown kind or option.
+    """
+    kind, options = settings.observer.kind, settings.observer.options
+    by_source = {
+        source: observers.design(kind, histories[source], options)
+        for source in sorted({link.source for link in topics.links})
+    }
+    designs = tuple(by_source[link.source] for link in topics.links)
+    detector = detectors.build(settings.detector.kind, settings.detector.options, topics.sampling_period_ns * 1e-9)
+    groups = [
+        LinkGroup(
+            positions=np.array(positions, dtype=np.intp),
+            monitor=LinkMonitor(observer=observer, detector=detector, blind=blind),
+        )
+        for positions, observer, blind in _grouped(designs)
+    ]
+    return RunMonitors(designs=designs, groups=tuple(groups))
+
+
+def alarm_changes(alarm: NDArray[np.bool_], before: NDArray[np.bool_], links: Sequence[Link]) -> list[tuple[int, int]]:
+    """Row and link position of every alarm that starts or ends, in the order in which they are told.
+
+    Args:
+        alarm: Verdicts, shape (steps, links).
+        before: Verdicts at the step before the first, shape (links,).
+        links: The links.
+    """
+    rows, positions = np.nonzero(np.diff(np.concatenate([before[None], alarm]), axis=0))
+    found = zip(rows.tolist(), positions.tolist(), strict=True)
+    return sorted(found, key=lambda one: (one[0], links[one[1]].target, links[one[1]].source))
+
+
+def _grouped(designs: Sequence[Design]) -> list[tuple[list[int], Observer, bool]]:
+    """Positions, observer and blindness of the links that step together; refused ones are in no group."""
+    shapes: dict[tuple[object, ...], list[int]] = {}
+    for position, design in enumerate(designs):
+        observer = design.observer
+        if isinstance(observer, LinearObserver):
+            shape = (observer.order, observer.states, observer.outputs, observer.inputs)
+            shapes.setdefault((_is_blind(design), *shape), []).append(position)
+        elif observer is not None:
+            shapes[_is_blind(design), position] = [position]
+    return [
+        (positions, _stacked([designs[position].observer for position in positions]), bool(key[0]))
+        for key, positions in shapes.items()
+    ]
+
+
+def _stacked(members: Sequence[Observer | None]) -> Observer:
+    linear = [observer for observer in members if isinstance(observer, LinearObserver)]
+    if not linear:
+        (only,) = members
+        assert only is not None  # noqa: S101 - the caller leaves refused designs out
+        return only
+    first = linear[0]
+    return StackedObserver(
+        whole=np.stack([np.block([[one.H, one.J], [one.M, one.D], [one.A, one.B]]) for one in linear], axis=-1),
+        start=np.stack([one.Z for one in linear], axis=-1),
+        inputs=first.inputs,
+        outputs=first.outputs,
+        states=first.states,
+    )
+
+
+def _is_blind(design: Design) -> bool:
+    report = design.certificate.residual
+    return report is not None and report.blind
+
+
+def _run_group(
+    group: LinkGroup,
+    state: MonitorState,
+    received: NDArray[np.float64],
+    delivered: NDArray[np.bool_],
+    arrays: MonitorArrays,
+) -> MonitorState:
+    """Step one group through all samples and write its conclusions into the arrays of all links."""
+    step = group.monitor.step
+    y = np.ascontiguousarray(received[:, group.positions].swapaxes(1, 2))  # (steps, 3, group)
+    arrived = np.ascontiguousarray(delivered[:, group.positions])
+    numbers = np.empty((len(y), 3, _WIDTH, y.shape[2]))
+    phase, alarm = np.empty(arrived.shape, dtype=np.uint8), np.empty(arrived.shape, dtype=np.bool_)
+    for k in range(len(y)):
+        state, output = step(state, y[k], arrived[k])
+        phase[k], alarm[k] = output.phase, output.alarm
+        for kind, vector in enumerate((output.estimate, output.residual, output.threshold)):
+            numbers[k, kind, 0], numbers[k, kind, 1], numbers[k, kind, 2] = vector
+    arrays.phase[:, group.positions] = phase
+    arrays.alarm[:, group.positions] = alarm
+    for kind, target in enumerate((arrays.estimate, arrays.residual, arrays.threshold)):
+        target[:, group.positions] = numbers[:, kind].swapaxes(1, 2)
+    return state

@@ -1,0 +1,139 @@
+"""A run without ROS: simulator, monitors and bag in one process, as fast as one core goes.
+
+The steps, the codecs and the order of the messages are those of the nodes, so the bag is the one a run leaves.
+"""
+
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bags.convert import design_record, history_of, history_records
+from bags.monitors import MonitorArrays, alarm_changes, design_monitors
+from bags.origin import attach_origin
+from bags.records import HistoryRecord
+from bags.schema import RunTopics, run_topics
+from bags.topic import Topic
+from bags.writer import BagWriter
+from dgu_sim.experiment import run_experiments
+from dgu_sim.scenario import Scenario
+from dgu_sim.simulate import Block, simulate
+from monitor.observers import Design
+
+# few hundred steps a chunk: nobody waits for them to reach the disk, and larger chunks cost less
+_CHUNK_BYTES = 1024 * 1024
+
+
+def simulate_to_bag(scenario: Scenario, path: Path, progress: Callable[[int], None] | None = None) -> Path:
+    """Run a scenario from step 0 to its end and record it.
+
+    Args:
+        scenario: What to run.
+        path: The bag's directory; must not exist.
+        progress: Called with the number of steps done.
+
+    Returns:
+        The path.
+
+    Raises:
+        BagError: The bag cannot be written.
+        monitor.errors.MonitorError: Unknown observer or detector, or options of theirs.
+    """
+    topics = run_topics(scenario.grid.dgus, scenario.links, scenario.sampling_period_ns)
+    records = {dgu: history_records(dgu, run_experiments(scenario, dgu)) for dgu in topics.dgus}
+    histories = {dgu: history_of(history) for dgu, history in records.items()}
+    monitors = design_monitors(topics, scenario.monitor, histories)
+    states, alarm = monitors.init(), np.zeros(len(topics.links), dtype=np.bool_)
+    with BagWriter(path, topics.all, chunk_bytes=_CHUNK_BYTES, max_chunk_age_sec=None) as writer:
+        attach_origin(writer, scenario)
+        _write_latched(writer, topics, records, monitors.designs)
+        layout = writer.format_of(topics.per_step)
+        for block in simulate(scenario):
+            states, outputs = monitors.run(states, block.received[:, 0], block.delivered[:, 0])
+            rows = layout.block(block.first_step, len(block.x), topics.sampling_period_ns)
+            fill_rows(rows, topics, block, outputs)
+            events = _events(topics, block, outputs, alarm)
+            alarm = outputs.alarm[-1]
+            cuts = [0, *sorted({row + 1 for row in events} - {len(rows)}), len(rows)]
+            for start, end in pairwise(cuts):
+                writer.write_block(layout, rows[start:end])
+                stamp_ns = topics.stamp_ns(block.first_step + end - 1)
+                for topic, data in events.get(end - 1, ()):
+                    writer.write(topic.name, stamp_ns, data)
+            if progress is not None:
+                progress(block.first_step + len(rows))
+    return path
+
+
+def fill_rows(rows: NDArray[np.void], topics: RunTopics, block: Block, outputs: MonitorArrays) -> None:
+    """Write the numbers of a block of steps into its messages.
+
+    Args:
+        rows: Rows as `BlockFormat.block` makes them, shape (steps,).
+        topics: The topics of the run.
+        block: States and outputs of one run.
+        outputs: What the monitors concluded.
+    """
+    state = {name: getattr(block, name)[:, 0] for name in ("x", "load_current", "reference", "alpha")}
+    sent = {"y": block.y[:, 0], "delivered": np.ones(block.alpha[:, 0].shape, dtype=np.bool_)}
+    received = {"y": block.received[:, 0], "delivered": block.delivered[:, 0]}
+    concluded = {name: getattr(outputs, name) for name in ("phase", "alarm", "estimate", "residual", "threshold")}
+    for position, dgu in enumerate(topics.dgus):
+        _fill(rows[topics.state(dgu).topic.name], state, {"dgu": dgu}, position)
+        _fill(rows[topics.output(dgu).topic.name], sent, {"source": dgu}, position)
+    for position, link in enumerate(topics.links):
+        _fill(rows[topics.received(link).topic.name], received, {"source": link.source}, position)
+        numbers = {"source": link.source, "monitor": link.target}
+        _fill(rows[topics.residual(link).topic.name], concluded, numbers, position)
+
+
+def _fill(
+    messages: NDArray[np.void], arrays: Mapping[str, NDArray[Any]], numbers: Mapping[str, int], position: int
+) -> None:
+    for name, array in arrays.items():
+        messages[name] = array[:, position]
+    for name, number in numbers.items():
+        messages[name] = number
+
+
+def _write_latched(
+    writer: BagWriter,
+    topics: RunTopics,
+    records: Mapping[int, Sequence[HistoryRecord]],
+    designs: Sequence[Design],
+) -> None:
+    for dgu in topics.dgus:
+        history = topics.history(dgu)
+        for record in records[dgu]:
+            writer.write(history.topic.name, 0, history.encode(record))
+    for link, design in zip(topics.links, designs, strict=True):
+        codec = topics.design(link)
+        writer.write(codec.topic.name, 0, codec.encode(design_record(design, link.source, link.target)))
+
+
+def _events(
+    topics: RunTopics, block: Block, outputs: MonitorArrays, before: NDArray[np.bool_]
+) -> dict[int, list[tuple[Topic, bytes]]]:
+    """Topic and bytes of the messages that follow the per-step messages of a row, in canonical order."""
+    found: dict[int, list[tuple[Topic, bytes]]] = {}
+    for row, position in alarm_changes(outputs.alarm, before, topics.links):
+        link = topics.links[position]
+        alarms = topics.alarms(link.target)
+        data = alarms.encode(block.first_step + row, link.source, outputs.at(row, position))
+        found.setdefault(row, []).append((alarms.topic, data))
+    attacks = topics.attack_events()
+    for one in block.events:
+        row = one.event.step - block.first_step
+        found.setdefault(row, []).append((attacks.topic, attacks.encode(one.event)))
+    for monitor in topics.monitors:
+        diagnostics = topics.diagnostics(monitor)
+        positions = [position for position, link in enumerate(topics.links) if link.target == monitor]
+        for row in range(len(outputs.alarm)):
+            step = block.first_step + row
+            if diagnostics.due(step):
+                data = diagnostics.encode(step, [outputs.at(row, position) for position in positions])
+                found.setdefault(row, []).append((diagnostics.topic, data))
+    return found
