@@ -99,9 +99,9 @@ class GridExogenous:
     members: tuple[tuple[DguExogenous, ...], ...]
 
     def initial(self) -> Vector:
-        """Return x at step 0, three arrays of shape (runs, DGUs)."""
+        """Return x at step 0, shape (3, runs, DGUs)."""
         states = np.array([[one.initial() for one in run] for run in self.members])
-        return tuple(np.ascontiguousarray(states[:, :, component]) for component in range(3))
+        return np.ascontiguousarray(np.moveaxis(states, -1, 0))
 
     def block(self, step: int) -> SignalBlock:
         """Return the block that holds a step: load (BLOCK, runs, DGUs), noise (BLOCK, 3, runs, DGUs)."""

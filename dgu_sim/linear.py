@@ -1,8 +1,8 @@
-"""Linear algebra on components: the same bits for one float and for a thousand runs.
+"""Components: the same code, and the same bits, for one float and for a thousand runs.
 
 A component is a float or an array with any leading axes (runs, DGUs, links); a vector is a sequence of
-components, a matrix a sequence of rows. Everything is written as element-wise multiply and add in a fixed
-order, because BLAS and einsum round differently for different array shapes.
+components, or an array with the components on its first axis. Everything is written as element-wise multiply
+and add in a fixed order, because BLAS and einsum round differently for different array shapes.
 """
 
 from collections.abc import Sequence
@@ -11,43 +11,18 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = [
-    "Component",
-    "FloatArray",
-    "Matrix",
-    "Truth",
-    "Vector",
-    "add",
-    "choose",
-    "dot",
-    "matvec",
-    "stack",
-    "stack_matrices",
-    "stack_vectors",
-]
+__all__ = ["Component", "FloatArray", "Truth", "Vector", "add", "choose", "stack", "stack_vectors"]
 
 FloatArray: TypeAlias = NDArray[np.float64]
 Component: TypeAlias = float | FloatArray
 Truth: TypeAlias = bool | NDArray[np.bool_]
 Vector: TypeAlias = Sequence[Component] | FloatArray
-Matrix: TypeAlias = Sequence[Vector]
 
 
-def dot(row: Vector, x: Vector) -> Component:
-    """Return sum_j row_j x_j, summed from 0.0 in the order of j."""
-    total: Component = 0.0
-    for a, b in zip(row, x, strict=True):
-        total = total + a * b
-    return total
-
-
-def matvec(M: Matrix, x: Vector) -> tuple[Component, ...]:
-    """Return M x, one component for each row of M."""
-    return tuple([dot(row, x) for row in M])
-
-
-def add(x: Vector, y: Vector) -> tuple[Component, ...]:
+def add(x: Vector, y: Vector) -> Vector:
     """Return x + y."""
+    if isinstance(x, np.ndarray) and isinstance(y, np.ndarray):
+        return x + y
     return tuple([a + b for a, b in zip(x, y, strict=True)])
 
 
@@ -69,8 +44,3 @@ def stack(values: Sequence[Component]) -> FloatArray:
 def stack_vectors(vectors: Sequence[Vector]) -> tuple[FloatArray, ...]:
     """Turn one vector of floats for each DGU into one vector of components of shape (1, DGUs)."""
     return tuple(stack(values) for values in zip(*vectors, strict=True))
-
-
-def stack_matrices(matrices: Sequence[Matrix]) -> tuple[tuple[FloatArray, ...], ...]:
-    """Turn one matrix of floats for each DGU into one matrix of components of shape (1, DGUs)."""
-    return tuple(stack_vectors(rows) for rows in zip(*matrices, strict=True))

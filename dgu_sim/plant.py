@@ -8,9 +8,10 @@ from typing import Protocol
 import numpy as np
 
 from dgu_sim.grid import Grid
-from dgu_sim.linear import Component, FloatArray, Matrix, Vector, add, matvec, stack_matrices, stack_vectors
+from dgu_sim.linear import Component, FloatArray, Vector, add, stack_vectors
 from dgu_sim.matrices import INPUTS, STATES, continuous, continuous_joint, discretise
 from dgu_sim.records import Physical
+from dgu_sim.transition import PairTransition, Transition, stack_transitions
 
 __all__ = ["Coupling", "HeldPlant", "IsolatedPlant", "JointPlant", "Plant", "physical_of", "plant_of", "plant_of_all"]
 
@@ -36,15 +37,15 @@ class IsolatedPlant:
     """x+ = A x + E d, d = [I_L, V_ref + alpha]: T (18) without lines.
 
     Attributes:
-        AE: [A E], 3 rows of 5 components.
+        transition: [A E].
     """
 
-    AE: Matrix
+    transition: Transition
 
     def step(self, x: Vector, load_current: Component, reference: Component, physical: Sequence[Physical]) -> Vector:
         """Return x at step k + 1."""
         del physical
-        return matvec(self.AE, (*x, load_current, reference))
+        return self.transition.apply(x, load_current, reference)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -55,11 +56,11 @@ class HeldPlant:
     instead is unstable.
 
     Attributes:
-        AE: [A E], 3 rows of 5 components.
+        transition: [A E].
         conductances: 1/R_ij [S] of each slot, 0 where a DGU has fewer lines than slots.
     """
 
-    AE: Matrix
+    transition: Transition
     conductances: Vector
 
     def step(self, x: Vector, load_current: Component, reference: Component, physical: Sequence[Physical]) -> Vector:
@@ -67,7 +68,7 @@ class HeldPlant:
         inflow: Component = 0.0
         for conductance, other in zip(self.conductances, physical, strict=True):
             inflow = inflow + conductance * other.x[0]
-        return matvec(self.AE, (*x, load_current - inflow, reference))
+        return self.transition.apply(x, load_current - inflow, reference)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -75,18 +76,18 @@ class JointPlant:
     """x_i+ = sum_j A_ij x_j + E_ij w_j, w_j = [I_L,j, V_ref,j + alpha_j]: the jointly integrated grid.
 
     Attributes:
-        own: [A_ii E_ii], 3 rows of 5 components.
+        own: [A_ii E_ii].
         others: [A_ij E_ij] of each slot, zero where a DGU has fewer others than slots.
     """
 
-    own: Matrix
-    others: tuple[Matrix, ...]
+    own: Transition
+    others: tuple[Transition, ...]
 
     def step(self, x: Vector, load_current: Component, reference: Component, physical: Sequence[Physical]) -> Vector:
         """Return x at step k + 1."""
-        total = matvec(self.own, (*x, load_current, reference))
-        for AE, other in zip(self.others, physical, strict=True):
-            total = add(total, matvec(AE, (*other.x, other.load_current, other.reference)))
+        total = self.own.apply(x, load_current, reference)
+        for transition, other in zip(self.others, physical, strict=True):
+            total = add(total, transition.apply(other.x, other.load_current, other.reference))
         return total
 
 
@@ -101,66 +102,64 @@ def physical_of(grid: Grid, coupling: Coupling, dgu: int) -> tuple[int, ...]:
 
 def plant_of(grid: Grid, coupling: Coupling, sampling_period_sec: float, dgu: int) -> Plant:
     """Return the physics of one DGU, in floats."""
-    return _plants(grid, coupling, sampling_period_sec, (dgu,))[0]
+    if coupling is Coupling.JOINT:
+        own, others = _pairs(grid, discretise(*continuous_joint(grid), sampling_period_sec), dgu)
+        return JointPlant(own=own, others=others)
+    own, conductances = _single(grid, coupling, sampling_period_sec, dgu)
+    if coupling is Coupling.HELD:
+        return HeldPlant(transition=own, conductances=conductances)
+    return IsolatedPlant(transition=own)
 
 
 def plant_of_all(grid: Grid, coupling: Coupling, sampling_period_sec: float) -> Plant:
-    """Return the physics of all DGUs as one plant whose components have a last axis "DGUs"."""
-    plants = _plants(grid, coupling, sampling_period_sec, grid.dgus)
+    """Return the physics of all DGUs as one plant whose components have a last axis "DGUs".
+
+    Its coefficients are exactly those of `plant_of`; a DGU with fewer slots than others gets zeros.
+    """
     slots = max(len(physical_of(grid, coupling, dgu)) for dgu in grid.dgus)
-    if coupling is Coupling.HELD:
-        held = [plant for plant in plants if isinstance(plant, HeldPlant)]
-        padded = [(*plant.conductances, *[0.0] * slots)[:slots] for plant in held]
-        return HeldPlant(AE=stack_matrices([plant.AE for plant in held]), conductances=stack_vectors(padded))
     if coupling is Coupling.JOINT:
-        zero: Matrix = ((0.0,) * (STATES + INPUTS),) * STATES
-        joint = [plant for plant in plants if isinstance(plant, JointPlant)]
-        others = [(*plant.others, *[zero] * slots) for plant in joint]
+        sampled = discretise(*continuous_joint(grid), sampling_period_sec)
+        pairs = [_pairs(grid, sampled, dgu) for dgu in grid.dgus]
+        padded = [(*others, *(_ZERO,) * slots)[:slots] for _, others in pairs]
         return JointPlant(
-            own=stack_matrices([plant.own for plant in joint]),
-            others=tuple(stack_matrices([other[slot] for other in others]) for slot in range(slots)),
+            own=stack_transitions([own for own, _ in pairs]),
+            others=tuple(stack_transitions(slot) for slot in zip(*padded, strict=True)),
         )
-    return IsolatedPlant(AE=stack_matrices([plant.AE for plant in plants if isinstance(plant, IsolatedPlant)]))
+    singles = [_single(grid, coupling, sampling_period_sec, dgu) for dgu in grid.dgus]
+    transition = stack_transitions([own for own, _ in singles])
+    if coupling is Coupling.HELD:
+        conductances = stack_vectors([(*own, *(0.0,) * slots)[:slots] for _, own in singles])
+        return HeldPlant(transition=transition, conductances=conductances)
+    return IsolatedPlant(transition=transition)
 
 
-def _plants(grid: Grid, coupling: Coupling, sampling_period_sec: float, dgus: Sequence[int]) -> list[Plant]:
-    if coupling is Coupling.JOINT:
-        return _joint_plants(grid, sampling_period_sec, dgus)
-    plants: list[Plant] = []
-    for dgu in dgus:
-        conductances = grid.conductances(dgu) if coupling is Coupling.HELD else {}
-        AE = _sampled(*continuous(grid.parameters[dgu], sum(conductances.values())), sampling_period_sec)
-        if coupling is Coupling.HELD:
-            plants.append(HeldPlant(AE=AE, conductances=tuple(conductances.values())))
-        else:
-            plants.append(IsolatedPlant(AE=AE))
-    return plants
+def _single(
+    grid: Grid, coupling: Coupling, sampling_period_sec: float, dgu: int
+) -> tuple[PairTransition, tuple[float, ...]]:
+    """Return [A E] of one DGU on its own, and the conductances of its lines [S] when they are part of A."""
+    conductances = grid.conductances(dgu) if coupling is Coupling.HELD else {}
+    A_c, E_c = continuous(grid.parameters[dgu], sum(conductances.values()))
+    return _transition(*discretise(A_c, E_c, sampling_period_sec)), tuple(conductances.values())
 
 
-def _joint_plants(grid: Grid, sampling_period_sec: float, dgus: Sequence[int]) -> list[Plant]:
-    A, E = discretise(*continuous_joint(grid), sampling_period_sec)
-    position = {dgu: index for index, dgu in enumerate(grid.dgus)}
+def _pairs(
+    grid: Grid, sampled: tuple[FloatArray, FloatArray], dgu: int
+) -> tuple[PairTransition, tuple[PairTransition, ...]]:
+    """Return [A_ii E_ii] and the [A_ij E_ij] of one DGU's slots, cut from the sampled joint grid."""
+    A, E = sampled
 
-    def block(target: int, source: int) -> Matrix:
-        i, j = position[target], position[source]
+    def pair(source: int) -> PairTransition:
+        i, j = grid.dgus.index(dgu), grid.dgus.index(source)
         rows = slice(STATES * i, STATES * (i + 1))
-        left = A[rows, STATES * j : STATES * (j + 1)]
-        right = E[rows, INPUTS * j : INPUTS * (j + 1)]
-        return _rows(np.hstack([left, right]))
+        return _transition(A[rows, STATES * j : STATES * (j + 1)], E[rows, INPUTS * j : INPUTS * (j + 1)])
 
-    return [
-        JointPlant(
-            own=block(dgu, dgu),
-            others=tuple(block(dgu, other) for other in physical_of(grid, Coupling.JOINT, dgu)),
-        )
-        for dgu in dgus
-    ]
+    return pair(dgu), tuple(pair(other) for other in physical_of(grid, Coupling.JOINT, dgu))
 
 
-def _sampled(A_c: FloatArray, E_c: FloatArray, sampling_period_sec: float) -> Matrix:
-    return _rows(np.hstack(discretise(A_c, E_c, sampling_period_sec)))
+def _transition(A: FloatArray, E: FloatArray) -> PairTransition:
+    """Return [A E] in Python floats: numpy scalars would slow the step of one DGU down tenfold."""
+    rows = np.hstack([A, E]).tolist()
+    return PairTransition(rows=tuple((a, b, c, d, e) for a, b, c, d, e in rows))
 
 
-def _rows(M: FloatArray) -> Matrix:
-    """Return rows of Python floats: numpy scalars would slow the step of one DGU down tenfold."""
-    return tuple(tuple(float(value) for value in row) for row in M)
+_ZERO = _transition(np.zeros((STATES, STATES)), np.zeros((STATES, INPUTS)))

@@ -82,9 +82,8 @@ def simulate(scenario: Scenario, seeds: Sequence[int] | None = None, block_steps
             truth, sent = buffer.truth[row], buffer.sent[row]
             received, delivered = buffer.received[row], buffer.delivered[row]
             output = cell.output(state)
-            truth[0], truth[1], truth[2] = output.x
-            truth[3], truth[4], truth[5] = output.load_current, output.reference, output.alpha
-            sent[0], sent[1], sent[2] = output.y
+            truth[:3], truth[3], truth[4], truth[5] = output.x, output.load_current, output.reference, output.alpha
+            sent[:] = output.y
             relay_state, occurred = wiring.relay(relay, relay_state, sent, received, delivered)
             events += occurred
             state = cell.step(state, wiring.physical(truth), wiring.received(received, delivered))
@@ -143,12 +142,14 @@ class _Wiring:
         sources: Position of the sending DGU of each link.
         physical_slots: Position of the DGU in each slot of each DGU, shape (slots, DGUs).
         link_slots: Position of the link in each slot of each DGU, shape (slots, DGUs).
+        wired: False where a DGU has fewer links than slots, shape (1, slots, DGUs).
     """
 
     dgus: int
     sources: NDArray[np.intp]
     physical_slots: NDArray[np.intp]
     link_slots: NDArray[np.intp]
+    wired: NDArray[np.bool_]
 
     @classmethod
     def of(cls, scenario: Scenario) -> "_Wiring":
@@ -159,9 +160,10 @@ class _Wiring:
         return cls(
             dgus=len(grid.dgus),
             sources=np.array([position[link.source] for link in scenario.links], dtype=np.intp),
-            # An empty slot has coefficient 0: it may hear anything finite, and its own DGU is as finite as itself.
+            # An empty slot has coefficient 0: its own DGU brings nothing into a sum that is not there already.
             physical_slots=_padded(physical, list(range(len(grid.dgus)))),
             link_slots=_padded(incoming, [0] * len(grid.dgus)),
+            wired=_padded([[1] * len(own) for own in incoming], [0] * len(grid.dgus))[np.newaxis] > 0,
         )
 
     def physical(self, truth: FloatArray) -> list[Physical]:
@@ -175,7 +177,7 @@ class _Wiring:
     def received(self, received: FloatArray, delivered: NDArray[np.bool_]) -> list[Sample]:
         """Return what each slot receives, from one row (3, runs, links)."""
         y = received.take(self.link_slots, axis=-1)
-        arrived = delivered.take(self.link_slots, axis=-1)
+        arrived = delivered.take(self.link_slots, axis=-1) & self.wired
         return [Sample(y=y[:, :, slot], delivered=arrived[:, slot]) for slot in range(len(self.link_slots))]
 
     def relay(
