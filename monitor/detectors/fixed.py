@@ -29,14 +29,14 @@ class FixedOptions:
     Attributes:
         settle_sec: the observer's initial error dies out, nothing is learned [s].
         calibrate_sec: the largest |r_i| is learned; no attack may run [s].
-        margin: threshold_i = max(margin * largest |r_i|, floor_i); 2 leaves 5 to 6 standard deviations of white noise.
+        margin: threshold_i = max(margin * largest |r_i|, floor_i).
         floor: smallest threshold, one number or one an output; it covers rounding and what calibration did not meet.
     """
 
     settle_sec: float = Field(default=0.5, ge=0.0)
     calibrate_sec: float = Field(default=2.0, ge=0.0)
-    margin: float = Field(default=2.0, gt=0.0)
-    floor: tuple[float, ...] | float = 1e-4
+    margin: float = Field(default=5.0, gt=0.0)
+    floor: tuple[float, ...] | float = 1e-6
 
 
 class FixedState(NamedTuple):
