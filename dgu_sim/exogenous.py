@@ -69,20 +69,20 @@ class DguExogenous:
         spread = drawn * self.initial_spread
         return tuple(float(value) for value in np.array(self.initial_state) + spread)
 
-    def load(self, start: int) -> FloatArray:
-        """Return the load current of BLOCK steps from `start` on [A], shape (BLOCK,)."""
-        total = np.zeros(BLOCK)
-        for item, load in enumerate(self.loads):
+    def arrays(self, start: int) -> tuple[FloatArray, FloatArray | None]:
+        """Return load current (BLOCK,) [A] and noise (BLOCK, 3) or None of BLOCK steps from `start` on."""
+        load = np.zeros(BLOCK)
+        for item, one in enumerate(self.loads):
             source = self._source(Stream.LOAD + item)
-            total = total + load.current(start, BLOCK, self.sampling_period_sec, source)
-        return total
+            load = load + one.current(start, BLOCK, self.sampling_period_sec, source)
+        noise = None if self.noise is None else self.noise.values(start, BLOCK, self._source(Stream.NOISE))
+        return load, noise
 
     def block(self, step: int) -> SignalBlock:
         """Return the block that holds a step, as Python floats."""
         start = step - step % BLOCK
-        noise = self.noise
-        drawn = None if noise is None else noise.values(start, BLOCK, self._source(Stream.NOISE)).tolist()
-        return SignalBlock(start=start, load=self.load(start).tolist(), noise=drawn)
+        load, noise = self.arrays(start)
+        return SignalBlock(start=start, load=load.tolist(), noise=None if noise is None else noise.tolist())
 
     def _source(self, stream: int) -> RandomSource:
         return RandomSource(seed=self.seed, stream=stream, dgu=self.dgu)
@@ -105,12 +105,12 @@ class GridExogenous:
 
     def block(self, step: int) -> SignalBlock:
         """Return the block that holds a step: load (BLOCK, runs, DGUs), noise (BLOCK, 3, runs, DGUs)."""
-        blocks = [[one.block(step) for one in run] for run in self.members]
-        load = np.array([[one.load for one in run] for run in blocks])
-        noise = None
-        if blocks[0][0].noise is not None:
-            drawn = np.array([[one.noise for one in run] for run in blocks])
-            noise = list(np.ascontiguousarray(drawn.transpose(2, 3, 0, 1)))
+        start = step - step % BLOCK
+        drawn = [[one.arrays(start) for one in run] for run in self.members]
+        load = np.array([[load for load, _ in run] for run in drawn])
+        noise = np.array([[noise for _, noise in run if noise is not None] for run in drawn])
         return SignalBlock(
-            start=blocks[0][0].start, load=list(np.ascontiguousarray(load.transpose(2, 0, 1))), noise=noise
+            start=start,
+            load=list(np.ascontiguousarray(load.transpose(2, 0, 1))),
+            noise=list(np.ascontiguousarray(noise.transpose(2, 3, 0, 1))) if noise.size else None,
         )

@@ -1,5 +1,6 @@
 """Validation errors in one line: key path, value found, what was expected."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 from pydantic import ValidationError
@@ -41,8 +42,8 @@ def explain(error: ValidationError, data: object) -> Problem:
     """
     first = error.errors(include_url=False)[0]
     context = first.get("ctx", {})
-    location = _keys_only(tuple(first["loc"]), data)
     kind = first["type"]
+    location = _keys_only(tuple(first["loc"]), data, absent=kind == "missing")
     if kind == "finding":
         return Problem(key=location + context["key"], found=shown(context["value"]), expected=context["expected"])
     if kind == "problem":  # an explained error of a part that was validated on its own
@@ -55,7 +56,7 @@ def explain(error: ValidationError, data: object) -> Problem:
         tags = context.get("expected_tags", "")
         expected = f"expected one of {tags}" if tags else "this key is missing"
         return Problem(key=(*location, "kind"), found=None if tag is None else shown(tag), expected=expected)
-    return Problem(key=location, found=shown(first["input"]), expected=_expected(first["msg"]))
+    return Problem(key=location, found=shown(first["input"]), expected=_expected(kind, first["msg"], context))
 
 
 def shown(value: object) -> str:
@@ -64,14 +65,23 @@ def shown(value: object) -> str:
     return text if len(text) <= SHOWN else text[: SHOWN - 4] + " ..."
 
 
-def _expected(message: str) -> str:
-    """Turn pydantic's "Input should be ..." into "expected ..."."""
-    text = message.removeprefix("Value error, ").replace("Input should be", "expected", 1)
+def _expected(kind: str, message: str, context: Mapping[str, object]) -> str:
+    """Turn pydantic's "Input should be ..." into "expected ..." in the words of a YAML file."""
+    if kind in {"tuple_type", "list_type"}:
+        return "expected a list"
+    if kind in {"model_type", "dict_type", "model_attributes_type"}:
+        return "expected a mapping of keys to values"
+    if kind == "too_short":
+        return f"expected at least {context['min_length']} entries"
+    text = message.partition(", unable to parse")[0]
+    for words in ("greater", "less"):
+        text = text.replace(f"Input should be {words}", f"expected a number {words}", 1)
+    text = text.replace("Input should be", "expected", 1)
     return text[:1].lower() + text[1:]
 
 
-def _keys_only(location: tuple[str | int, ...], data: object) -> tuple[str | int, ...]:
-    """Drop the union tags that pydantic puts between the keys of the file."""
+def _keys_only(location: tuple[str | int, ...], data: object, *, absent: bool) -> tuple[str | int, ...]:
+    """Drop the union tags that pydantic puts between the keys of the file; keep a last key that is absent."""
     keys: list[str | int] = []
     for position, part in enumerate(location):
         inside = (isinstance(data, dict) and part in data) or (
@@ -80,6 +90,6 @@ def _keys_only(location: tuple[str | int, ...], data: object) -> tuple[str | int
         if inside:
             keys.append(part)
             data = data[part]  # type: ignore[index]  # just checked
-        elif position == len(location) - 1:
+        elif absent and position == len(location) - 1:
             keys.append(part)
     return tuple(keys)

@@ -1,13 +1,13 @@
 """The base of everything a scenario file is validated into."""
 
 import difflib
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Annotated, TypeAlias
 
 from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-__all__ = ["Frozen", "Number", "Spread3", "Vector3", "finding"]
+__all__ = ["Frozen", "Number", "Spread3", "Vector3", "check_keys", "finding"]
 
 
 def finding(key: tuple[str | int, ...], value: object, expected: str) -> PydanticCustomError:
@@ -16,6 +16,15 @@ def finding(key: tuple[str | int, ...], value: object, expected: str) -> Pydanti
     `dgu_sim.scenario_file` turns it into one line with the file and the whole key path.
     """
     return PydanticCustomError("finding", "{expected}", {"key": key, "value": value, "expected": expected})
+
+
+def check_keys(data: Mapping[str, object], known: Sequence[str]) -> None:
+    """Raise the validation error of the first key that is not among the known ones."""
+    for key in data:
+        if key not in known:
+            close = difflib.get_close_matches(str(key), known, 1)
+            hint = f"did you mean {close[0]}? " if close else ""
+            raise finding((str(key),), data[key], f"no such key: {hint}known keys are {', '.join(known)}")
 
 
 def _not_bool(value: object) -> object:
@@ -53,10 +62,5 @@ class Frozen(BaseModel):
     def _known_keys(cls, data: object) -> object:
         if not isinstance(data, Mapping):
             return data
-        for key in data:
-            if key not in cls.model_fields:
-                close = difflib.get_close_matches(str(key), cls.model_fields, 1)
-                hint = f"did you mean {close[0]}? " if close else ""
-                known = ", ".join(cls.model_fields)
-                raise finding((str(key),), data[key], f"no such key: {hint}known keys are {known}")
+        check_keys(data, tuple(cls.model_fields))
         return data

@@ -21,7 +21,7 @@ from dgu_sim.stability import closed_loop, largest_stable_gain, sampled_grid, sp
 __all__ = ["Checked", "check_parts", "check_stability"]
 
 LINE_TIME_SHARE = 0.1
-"""Lines count as quasi-stationary when L/R is at most this share of T_s; G's are at 0.4 %."""
+"""Lines count as quasi-stationary when L/R is at most this share of T_s; G's reach 0.6 %."""
 
 
 class Checked(Protocol):

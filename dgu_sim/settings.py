@@ -3,14 +3,21 @@
 from enum import StrEnum
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, SerializerFunctionWrapHandler, ValidationError, model_serializer, model_validator
+from pydantic import (
+    BeforeValidator,
+    Field,
+    SerializerFunctionWrapHandler,
+    ValidationError,
+    model_serializer,
+    model_validator,
+)
 from pydantic_core import PydanticCustomError
 
 from dgu_sim.attacks import KINDS
 from dgu_sim.explain import explain
 from dgu_sim.grid import Link
 from dgu_sim.loads import Load
-from dgu_sim.model import Frozen, Number, Spread3, Vector3, finding
+from dgu_sim.model import Frozen, Number, Spread3, Vector3, check_keys, finding
 from dgu_sim.parameters import DguParameters
 from dgu_sim.relay import AttackPlan
 
@@ -31,6 +38,22 @@ Positive = Annotated[Number, Field(gt=0)]
 NonNegative = Annotated[Number, Field(ge=0)]
 
 
+def _state(value: object) -> object:
+    if value != "equilibrium" and not (isinstance(value, list | tuple) and len(value) == 3):  # noqa: PLR2004 - V, I_t, v
+        raise PydanticCustomError("state", "expected equilibrium or 3 numbers: V [V], I_t [A], v [V s]")
+    return value
+
+
+def _pair(value: object) -> object:
+    if not isinstance(value, list | tuple) or len(value) != 2:  # noqa: PLR2004 - a line has two ends
+        raise PydanticCustomError("pair", "expected two DGU numbers, like [1, 2]")
+    return value
+
+
+InitialState = Annotated[Literal["equilibrium"] | Vector3, BeforeValidator(_state)]
+Pair = Annotated[tuple[int, int], BeforeValidator(_pair)]
+
+
 class DguSettings(Frozen):
     """One distributed generation unit."""
 
@@ -44,7 +67,7 @@ class DguSettings(Frozen):
     reference_v: Number = Field(description="V_ref, the voltage reference [V].")
     rated_current_a: Positive = Field(default=1.0, description="I^r [A]: secondary control makes I/I^r equal.")
     load: tuple[Load, ...] = Field(default=(), description="Loads; their currents add up.")
-    initial_state: Literal["equilibrium"] | Vector3 = Field(
+    initial_state: InitialState = Field(
         default="equilibrium",
         description="State at step 0: V [V], I_t [A], v [V s], or the coupled grid's equilibrium.",
     )
@@ -80,7 +103,7 @@ class DguSettings(Frozen):
 class LineSettings(Frozen):
     """A power line; communication runs along it in both directions."""
 
-    between: tuple[int, int] = Field(description="The two DGUs it joins.")
+    between: Pair = Field(description="The two DGUs it joins.")
     resistance_ohm: Positive = Field(description="R_ij [ohm].")
     inductance_h: NonNegative = Field(
         default=0.0, description="L_ij [H]; lines are quasi-stationary, L/R << T_s is checked."
@@ -204,6 +227,7 @@ class AttackSettings(Frozen):
         if data["kind"] not in KINDS:
             raise finding(("kind",), data["kind"], f"expected an attack class, one of {', '.join(KINDS)}")
         ours = [key for key in cls.model_fields if key != "parameters"]
+        check_keys(data, [*ours, *KINDS[data["kind"]].model_fields])
         given = {key: value for key, value in data.items() if key not in ours}
         try:
             attack = KINDS[data["kind"]].model_validate(given)

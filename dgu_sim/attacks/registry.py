@@ -35,7 +35,7 @@ def build_attack(kind: str, parameters: Mapping[str, object]) -> Attack:
     """
     attack = known_kind(kind)
     try:
-        return attack.model_validate(dict(parameters))
+        return attack.model_validate(parameters)
     except ValidationError as error:
-        problem = explain(error, dict(parameters))
+        problem = explain(error, parameters)
         raise AttackError(f"{kind} attack: {problem}") from error
