@@ -1,0 +1,157 @@
+"""What a run says: one row for each directed link, as a table or as a JSON document."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+import yaml
+
+from bags.run_record import RunRecord
+from bags.schema import dgu_name
+from dgu_sim.grid import Link
+from monitor.detectors import Phase
+from monitor.metrics import LinkMetrics, link_metrics
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkSummary:
+    """What the monitor of one directed link saw.
+
+    Attributes:
+        source: Name of the sending DGU.
+        target: Name of the receiving DGU, which hosts the monitor.
+        attacked: Whether an attack ran on the link.
+        attack_start_sec: First affected sample [s], None when not attacked.
+        alarm_sec: First alarm; when attacked, the first one from the attack's start on [s].
+        detection_delay_sec: From the attack's start to the alarm [s], None when not attacked or not seen.
+        false_alarms: Alarms that started while no attack ran on the link.
+        max_abs_residual_before: Largest |r_i| before the attack, settling left out; NaN without a residual.
+        max_abs_residual_after: Largest |r_i| from the attack's start on, None when not attacked.
+        threshold: Last thresholds, 3 components [V, A, V s]; NaN where there is none.
+        monitored: False when no observer could be designed.
+        observer: Name of the design method.
+        verdict: What the design says about itself.
+    """
+
+    source: str
+    target: str
+    attacked: bool
+    attack_start_sec: float | None
+    alarm_sec: float | None
+    detection_delay_sec: float | None
+    false_alarms: int
+    max_abs_residual_before: float
+    max_abs_residual_after: float | None
+    threshold: tuple[float, ...]
+    monitored: bool
+    observer: str
+    verdict: str
+
+    def document(self) -> dict[str, Any]:
+        """The row for the JSON document: NaN, which JSON does not know, becomes null."""
+        row = asdict(self)
+        row["max_abs_residual_before"] = _or_none(self.max_abs_residual_before)
+        row["threshold"] = [_or_none(limit) for limit in self.threshold]
+        return {"from": row.pop("source"), "to": row.pop("target"), **row}
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunSummary:
+    """A run in one table.
+
+    Attributes:
+        scenario: Name of the scenario, "" when the bag holds none.
+        seed: Its seed, None likewise.
+        steps: Complete steps.
+        duration_sec: Simulated time of the complete steps [s].
+        links: One row for each directed link, by target and source.
+        bag: Path of the bag.
+    """
+
+    scenario: str
+    seed: int | None
+    steps: int
+    duration_sec: float
+    links: tuple[LinkSummary, ...]
+    bag: Path
+
+    def document(self) -> dict[str, Any]:
+        """The JSON document of `dcmg run --json`; every number in it is finite."""
+        return {
+            "scenario": self.scenario,
+            "seed": self.seed,
+            "steps": self.steps,
+            "duration_sec": self.duration_sec,
+            "links": [link.document() for link in self.links],
+            "bag": str(self.bag),
+        }
+
+
+def summary(record: RunRecord, bag: Path | None = None) -> RunSummary:
+    """Sum a run up.
+
+    Args:
+        record: The run.
+        bag: What to give as the bag's path, if not the record's own.
+    """
+    scenario = _scenario(record)
+    seed = scenario.get("seed")
+    return RunSummary(
+        scenario=str(scenario.get("name", "")),
+        seed=seed if isinstance(seed, int) else None,
+        steps=record.steps,
+        duration_sec=record.steps * record.sampling_period_sec,
+        links=tuple(_link(record, position, link) for position, link in enumerate(record.links)),
+        bag=record.path if bag is None else bag,
+    )
+
+
+def _link(record: RunRecord, position: int, link: Link) -> LinkSummary:
+    metrics = measure(record, position)
+    design = record.designs.get(link)
+    return LinkSummary(
+        source=dgu_name(link.source),
+        target=dgu_name(link.target),
+        attacked=metrics.attacked,
+        attack_start_sec=metrics.attack_start_sec,
+        alarm_sec=metrics.alarm_sec,
+        detection_delay_sec=metrics.detection_delay_sec,
+        false_alarms=metrics.false_alarms,
+        max_abs_residual_before=metrics.residual_before,
+        max_abs_residual_after=_or_none(metrics.residual_after),
+        threshold=tuple(float(limit) for limit in metrics.threshold),
+        monitored=design.accepted if design else False,
+        observer=design.observer if design else "",
+        verdict=design.verdict if design else "the bag holds no design",
+    )
+
+
+def measure(record: RunRecord, position: int) -> LinkMetrics:
+    """Metrics of the link at one position."""
+    settled = record.phase[:, position] > Phase.SETTLING.value
+    if not record.steps:
+        nothing = np.full((1, record.threshold.shape[2]), np.nan)
+        return link_metrics(np.zeros(1, dtype=np.bool_), nothing, (), record.sampling_period_sec, threshold=nothing)
+    return link_metrics(
+        record.alarm[:, position],
+        record.residual[:, position],
+        record.attack_intervals(record.links[position]),
+        record.sampling_period_sec,
+        threshold=record.threshold[:, position],
+        armed=settled,
+    )
+
+
+def _scenario(record: RunRecord) -> Mapping[str, object]:
+    # only two keys are wanted, and a report must work for bags of scenarios that are no longer valid
+    document = yaml.safe_load(record.scenario_text) if record.scenario_text else None
+    return document if isinstance(document, dict) else {}
+
+
+def _or_none(value: float) -> float | None:
+    return value if math.isfinite(value) else None
