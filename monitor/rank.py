@@ -222,15 +222,19 @@ def _gap(values: NDArray[np.float64], balanced: NDArray[np.float64]) -> _Verdict
 
 
 def _largest_gap(values: NDArray[np.float64]) -> tuple[int | None, float]:
-    """Index of the largest ratio of neighbouring singular values, None when it does not stand out."""
+    """Index of the largest ratio of neighbouring singular values, None when it does not stand out.
+
+    What lies below it must be flat, as noise is: a second gap there may be a weakly excited unknown input.
+    """
     if len(values) < 2:  # noqa: PLR2004 - one value has no neighbour
         return None, 0.0
     gaps = values[:-1] / values[1:]
     best = int(np.argmax(gaps))
     runner_up = float(np.max(np.delete(gaps, best), initial=1.0))
     confidence = 1.0 - runner_up / float(gaps[best])
-    stands_out = gaps[best] >= _SEARCHED_GAP and gaps[best] >= _SEARCHED_GAP * runner_up
-    return (best + 1 if stands_out else None), confidence
+    stands_out = gaps[best] >= _SEARCHED_GAP * runner_up
+    flat = bool(np.all(gaps[best + 1 :] < _KNOWN_GAP))
+    return (best + 1 if stands_out and flat else None), confidence
 
 
 def _listed(values: NDArray[np.float64]) -> str:
