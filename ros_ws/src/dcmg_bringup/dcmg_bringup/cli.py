@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path
 from typing import Annotated
+
+os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # our matrices are small; a process with threads must not fork
 
 import typer
 from bags.errors import BagError
@@ -13,7 +16,8 @@ from monitor.errors import MonitorError
 
 from dcmg_bringup import attack_commands, jobs
 from dcmg_bringup.errors import BringupError
-from dcmg_nodes.pacing import PacingMode
+from dcmg_nodes.errors import NodeError
+from dcmg_nodes.options import PacingMode
 
 _EXIT_ERROR = 2
 
@@ -150,7 +154,7 @@ def main() -> None:
     """Run the command; an expected error becomes one line on standard error and exit code 2."""
     try:
         app()
-    except (BagError, BringupError, DguSimError, MonitorError) as error:
+    except (BagError, BringupError, DguSimError, MonitorError, NodeError) as error:
         sys.stderr.write(f"dcmg: {error}\n")
         sys.exit(_EXIT_ERROR)
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dcmg_nodes.options import NodeOptions, PacingMode
 from dgu_sim.scenario import load_scenario
 from rich.console import Console
 from rich.table import Table
@@ -20,7 +21,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from bags.report import RunSummary
-    from dcmg_nodes.pacing import PacingMode
     from dgu_sim.scenario import Scenario
 
 _EXIT_FAILED = 1
@@ -86,8 +86,6 @@ def run(
     plots: bool,
 ) -> int:
     """Run a scenario over ROS 2 and show what the monitors saw."""
-    from dcmg_nodes.pacing import PacingMode  # noqa: PLC0415
-
     from dcmg_bringup.run_job import RunOptions, run_job  # noqa: PLC0415 (rclpy only when needed)
 
     if rate != 1.0 and pacing is PacingMode.LOCKSTEP:
@@ -102,10 +100,10 @@ def run(
     if outcome.deadline_misses:
         _messages.print(f"{outcome.deadline_misses} step(s) were released more than one sampling period late")
     if outcome.failure is not None:
-        _messages.print(f"dcmg: {outcome.failure}; the bag holds what came before: {outcome.bag}", highlight=False)
+        _messages.print(f"dcmg: {outcome.failure}; the bag holds what came before: {outcome.bag}", highlight=False, soft_wrap=True)
         return _EXIT_FAILED
     if outcome.interrupted:
-        _messages.print(f"interrupted at step {outcome.steps}; the bag is closed: {outcome.bag}", highlight=False)
+        _messages.print(f"interrupted at step {outcome.steps}; the bag is closed: {outcome.bag}", highlight=False, soft_wrap=True)
         return _EXIT_INTERRUPTED
     _show(outcome.bag, out if plots else None, json=json)
     return _EXIT_FAILED if outcome.lost else 0
@@ -172,7 +170,7 @@ def node(
     start_timeout_sec: float,
 ) -> int:
     """Run single nodes until the run ends."""
-    from dcmg_nodes.main import NodeOptions, run_nodes  # noqa: PLC0415 (rclpy only when needed)
+    from dcmg_nodes.main import run_nodes  # noqa: PLC0415 (rclpy only when needed)
 
     options = NodeOptions(out=out, pacing=pacing, rate=rate, start_timeout_sec=start_timeout_sec)
     failure = run_nodes(names, load_scenario(scenario_path(scenario), overrides), options)

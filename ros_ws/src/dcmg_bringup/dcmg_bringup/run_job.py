@@ -4,9 +4,12 @@ from __future__ import annotations
 
 import os
 from dataclasses import dataclass
+from importlib import resources
 from typing import TYPE_CHECKING
 
-from dcmg_nodes.pacing import PacingMode
+from dcmg_nodes.options import BAG, NodeOptions, PacingMode
+
+from dcmg_nodes.wiring import wiring_of
 
 from dcmg_bringup.domain import choose_domain
 from dcmg_bringup.processes import ProcessGroup
@@ -71,15 +74,13 @@ def run_job(scenario: Scenario, out: Path, options: RunOptions, display: LiveDis
         DomainError: no ROS domain id is free.
     """
     out.mkdir(parents=True, exist_ok=True)
-    path = out / "scenario.yaml"
-    path.write_text(scenario.to_yaml())
+    (out / "scenario.yaml").write_text(scenario.to_yaml())
     with choose_domain(options.domain, scenario=scenario.name, out=str(out)) as domain:
-        environment = ros_environment(domain)
-        os.environ.update(environment)
-        from dcmg_nodes.main import BAG, SUPERVISED, wiring_of  # noqa: PLC0415 (rclpy only when needed)
-
+        os.environ.update(ros_environment(domain))
         wiring = wiring_of(scenario)
-        group = ProcessGroup(_commands(wiring, path, out, options), {**environment, SUPERVISED: "1"}, out / "log")
+        nodes = {_ALL: wiring.nodes} if options.composed else {name: (name,) for name in wiring.nodes}
+        node_options = NodeOptions(out=out, pacing=options.pacing, rate=options.rate)
+        group = ProcessGroup(nodes, scenario, node_options, out / "log")
         try:
             return _follow(wiring, group, out / BAG, display)
         finally:
@@ -87,24 +88,17 @@ def run_job(scenario: Scenario, out: Path, options: RunOptions, display: LiveDis
 
 
 def ros_environment(domain: int) -> dict[str, str]:
-    """Return the environment variables of every process of a run.
+    """Return the environment variables of every process that takes part in a run on this machine.
 
-    UDP alone is as fast here as Fast DDS's default mix and leaves nothing behind in /dev/shm when a node is killed.
+    The Fast DDS profile keeps everything on the loopback interface, over UDP alone: as fast here as shared memory, and
+    nothing stays behind in /dev/shm when a node is killed. The discovery range must be SUBNET: with LOCALHOST, rmw
+    puts its own transports (shared memory, at most 32 processes) in the place of the profile's.
     """
     return {
         "ROS_DOMAIN_ID": str(domain),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4",
-        "OPENBLAS_NUM_THREADS": "1",
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
+        "FASTRTPS_DEFAULT_PROFILES_FILE": str(resources.files("dcmg_nodes") / "fastdds.xml"),
     }
-
-
-def _commands(wiring: Wiring, scenario: Path, out: Path, options: RunOptions) -> dict[str, list[str]]:
-    common = ["--scenario", str(scenario), "--out", str(out)]
-    common += ["--pacing", options.pacing.value, "--rate", repr(options.rate)]
-    if options.composed:
-        return {_ALL: [*wiring.nodes, *common]}
-    return {name: [name, *common] for name in wiring.nodes}
 
 
 def _follow(wiring: Wiring, group: ProcessGroup, bag: Path, display: LiveDisplay) -> RunOutcome:

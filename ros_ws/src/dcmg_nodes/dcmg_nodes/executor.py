@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from enum import Enum
 from typing import TYPE_CHECKING
 
 from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.task import Future
+
+from dcmg_nodes.options import ExecutorKind
 
 if TYPE_CHECKING:
     from rclpy.node import Node
@@ -14,13 +15,6 @@ if TYPE_CHECKING:
 # spin() and an infinite timeout never dispatch on the EventsExecutor of the 7.1.6 wheels: the wait must be bounded.
 _BOUNDED_FOREVER_SEC = 1e6
 _SELF_TEST_SEC = 2.0
-
-
-class ExecutorKind(Enum):
-    """Which rclpy executor runs the callbacks."""
-
-    EVENTS = "events"
-    SINGLE = "single"
 
 
 def make_executor(kind: ExecutorKind, node: Node) -> Executor:

@@ -16,6 +16,7 @@ class Lifetime:
         """Start with every node alive."""
         self.over: Future[None] = Future()
         self.failure: str | None = None
+        self.nodes = len(nodes)
         self._alive = set(nodes)
 
     def leave(self, node: str) -> None:

@@ -3,76 +3,44 @@
 from __future__ import annotations
 
 import ctypes
-import os
 import signal
 from contextlib import ExitStack
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import rclpy
-from bags.schema import ATTACKER_NODE, CLOCK_NODE, dgu_name, monitor_name, run_topics
+from bags.convert import history_records
+from bags.schema import ATTACKER_NODE, CLOCK_NODE, dgu_name, monitor_name
 from bags.writer import BagWriter
 from dgu_sim.experiment import run_experiments
-from dgu_sim.relay import relay_of
+from dgu_sim.simulate import relay_of
 from dgu_sim.unit import unit_of
 from rclpy.executors import ExternalShutdownException
 
 from dcmg_nodes.attacker_node import AttackerNode
 from dcmg_nodes.clock_node import ClockConfig, ClockNode
 from dcmg_nodes.dgu_node import DguNode
-from dcmg_nodes.executor import ExecutorKind, make_executor, spin_until
+from dcmg_nodes.errors import NodeError
+from dcmg_nodes.executor import make_executor, spin_until
 from dcmg_nodes.lifetime import Lifetime
 from dcmg_nodes.monitor_node import MonitorConfig, MonitorNode
-from dcmg_nodes.pacing import PacingMode
+from dcmg_nodes.options import BAG, NodeOptions
 from dcmg_nodes.recorder_node import RecorderNode
-from dcmg_nodes.wiring import RECORDER_NODE, Wiring
+from dcmg_nodes.wiring import RECORDER_NODE, Wiring, wiring_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
-    from pathlib import Path
 
     from dgu_sim.scenario import Scenario
 
     from dcmg_nodes.ports import Ports
 
-SUPERVISED = "DCMG_SUPERVISED"  # environment variable set by `dcmg run`: die with the supervisor
-BAG = "bag"  # folder of the bag below the folder of the run
 _PR_SET_PDEATHSIG = 1
 _STALL_PERIODS = 5
 
 
-class UnknownNodeError(Exception):
-    """The scenario has no node of this name."""
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class NodeOptions:
-    """How the nodes of a process run.
-
-    Attributes:
-        out: folder of the run; the recorder writes `<out>/bag`.
-        pacing: when the clock releases a step.
-        rate: realtime factor of the clock.
-        executor: rclpy executor.
-        start_timeout_sec: how long the clock waits for all nodes [s].
-        stall_timeout_sec: how long a step may stay incomplete [s].
-    """
-
-    out: Path
-    pacing: PacingMode = PacingMode.LOCKSTEP
-    rate: float = 1.0
-    executor: ExecutorKind = ExecutorKind.EVENTS
-    start_timeout_sec: float = 30.0
-    stall_timeout_sec: float = 3.0
-
-
-def wiring_of(scenario: Scenario) -> Wiring:
-    """Return the static graph of a scenario's run."""
-    dgus = tuple(dgu.id for dgu in scenario.dgus)
-    return Wiring(
-        topics=run_topics(dgus, scenario.links, scenario.sampling_period_ns),
-        physical={dgu: unit_of(scenario, dgu).physical for dgu in dgus},
-    )
+def die_with_parent() -> None:
+    """Be interrupted when the process that started this one dies, however it dies."""
+    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGINT)
 
 
 def run_nodes(names: Sequence[str], scenario: Scenario, options: NodeOptions) -> str | None:
@@ -82,14 +50,12 @@ def run_nodes(names: Sequence[str], scenario: Scenario, options: NodeOptions) ->
         A sentence when the run failed, None when it ended well or was interrupted.
 
     Raises:
-        UnknownNodeError: the scenario has no such node.
+        NodeError: the scenario has no such node.
     """
     wiring = wiring_of(scenario)
     for name in names:
         if name not in wiring.nodes:
-            raise UnknownNodeError(f"{name}: no such node; scenario {scenario.name} has {', '.join(wiring.nodes)}")
-    if os.environ.get(SUPERVISED):
-        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGINT)
+            raise NodeError(f"{name}: no such node; scenario {scenario.name} has {', '.join(wiring.nodes)}")
     lifetime = Lifetime(tuple(names))
     rclpy.init()
     try:
@@ -141,8 +107,9 @@ class _Builder:
         return ClockNode(self._wiring, self._lifetime, config).ports
 
     def _dgu(self, dgu: int) -> Ports:
-        unit, experiments = unit_of(self._scenario, dgu), run_experiments(self._scenario, dgu)
-        return DguNode(self._wiring, self._lifetime, unit, experiments, self._scenario.steps).ports
+        unit = unit_of(self._scenario, dgu)
+        history = history_records(dgu, run_experiments(self._scenario, dgu))
+        return DguNode(self._wiring, self._lifetime, unit, history, self._scenario.steps).ports
 
     def _attacker(self) -> Ports:
         relay, state = relay_of(self._scenario)
@@ -158,7 +125,8 @@ class _Builder:
         return MonitorNode(self._wiring, self._lifetime, dgu, config).ports
 
     def _recorder(self) -> Ports:
-        writer = BagWriter.for_run(self._options.out / BAG, self._wiring.topics, self._scenario)
+        writer = BagWriter(self._options.out / BAG, self._wiring.topics.all)
+        writer.attach("scenario.yaml", self._scenario.to_yaml().encode())
         period_sec = self._scenario.sampling_period_sec / self._options.rate
         stall_sec = max(self._options.stall_timeout_sec, _STALL_PERIODS * period_sec)
         node = RecorderNode(self._wiring, self._lifetime, writer, self._scenario.steps, stall_sec)

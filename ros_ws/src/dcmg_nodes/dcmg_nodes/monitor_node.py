@@ -81,7 +81,7 @@ class MonitorNode:
         detector = detectors.build(*self._config.detector, self._config.sampling_period_sec)
         self._monitors[slot] = LinkMonitor(observer=design.observer, detector=detector)
         self._states[slot] = self._monitors[slot].init()
-        record = design_record(design, codec.source, codec.monitor, kind)
+        record = design_record(design, codec.source, codec.monitor)
         self.ports.publish(codec.topic.name, codec.encode(record))
 
     def _receive(self, slot: int, data: bytes) -> None:

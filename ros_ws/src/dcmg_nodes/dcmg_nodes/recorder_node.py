@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 
 from bags.topic import TopicKind
 from dcmg_msgs.msg import NodeDone, Progress, RunEnd
-from rclpy.duration import Duration
 
 from dcmg_nodes.assembler import Arrival, Assembler
 from dcmg_nodes.ports import CONTROL_QOS, Ports
@@ -25,7 +24,8 @@ if TYPE_CHECKING:
 
 CREDIT_EVERY = 16  # steps between two credits; must stay well below the clock's window
 _WATCH_SEC = 0.25
-_ACK_TIMEOUT = Duration(seconds=5)
+_LINGER_SEC = 1.0
+_LINGER_POLL_SEC = 0.02
 
 
 class RecorderNode:
@@ -97,8 +97,14 @@ class RecorderNode:
         self._unfinished.add(RECORDER_NODE)  # nothing that comes now can end the run again
         self.close()
         self._end.publish(RunEnd(steps=self._assembler.complete, lost=lost))
-        self._end.wait_for_all_acked(_ACK_TIMEOUT)
-        self.ports.lifetime.leave(RECORDER_NODE)
+        self._leave_by = time.monotonic() + _LINGER_SEC
+        self._linger_timer = self.ports.node.create_timer(_LINGER_POLL_SEC, self._leave_when_alone)
+
+    def _leave_when_alone(self) -> None:
+        """Stay until the nodes of other processes have heard the end and are gone."""
+        here = self.ports.lifetime.nodes - 1
+        if self._end.get_subscription_count() <= here or time.monotonic() > self._leave_by:
+            self.ports.lifetime.leave(RECORDER_NODE)
 
     def _watch(self) -> None:
         """Credit stragglers, and name what a stalled run waits for."""

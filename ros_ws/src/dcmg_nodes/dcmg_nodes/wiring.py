@@ -6,13 +6,15 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from bags.schema import ATTACKER_NODE, CLOCK_NODE, dgu_name, monitor_name
+from bags.schema import ATTACKER_NODE, CLOCK_NODE, dgu_name, monitor_name, run_topics
+from dgu_sim.unit import unit_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from bags.schema import RunTopics
     from bags.topic import Topic
+    from dgu_sim.scenario import Scenario
 
 RECORDER_NODE = "recorder"
 READY, PROGRESS, PACING, DONE, END = "/run/ready", "/run/progress", "/run/pacing", "/run/done", "/run/end"
@@ -60,3 +62,12 @@ class Wiring:
         for link in topics.links:
             readers[topics.received(link).topic.name] = (dgu_name(link.target), monitor_name(link.target))
         return readers
+
+
+def wiring_of(scenario: Scenario) -> Wiring:
+    """Return the static graph of a scenario's run."""
+    dgus = tuple(dgu.id for dgu in scenario.dgus)
+    return Wiring(
+        topics=run_topics(dgus, scenario.links, scenario.sampling_period_ns),
+        physical={dgu: unit_of(scenario, dgu).physical for dgu in dgus},
+    )

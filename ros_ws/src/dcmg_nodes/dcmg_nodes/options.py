@@ -1,0 +1,47 @@
+"""How the nodes of a process run (kept apart so that the command line need not import rclpy)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+BAG = "bag"  # folder of the bag below the folder of the run
+
+
+class PacingMode(Enum):
+    """When the clock releases a step."""
+
+    LOCKSTEP = "lockstep"
+    REALTIME = "realtime"
+
+
+class ExecutorKind(Enum):
+    """Which rclpy executor runs the callbacks."""
+
+    EVENTS = "events"
+    SINGLE = "single"
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NodeOptions:
+    """How the nodes of a process run.
+
+    Attributes:
+        out: folder of the run; the recorder writes `<out>/bag`.
+        pacing: when the clock releases a step.
+        rate: realtime factor of the clock.
+        executor: rclpy executor.
+        start_timeout_sec: how long the clock waits for all nodes [s].
+        stall_timeout_sec: how long a step may stay incomplete [s].
+    """
+
+    out: Path
+    pacing: PacingMode = PacingMode.LOCKSTEP
+    rate: float = 1.0
+    executor: ExecutorKind = ExecutorKind.EVENTS
+    start_timeout_sec: float = 30.0
+    stall_timeout_sec: float = 3.0
