@@ -1,6 +1,6 @@
 """Installs the dcmg command, the scenarios and the launch files, as an ament package and as a Python distribution."""
 
-from glob import glob
+from pathlib import Path
 
 from setuptools import find_packages, setup
 
@@ -17,7 +17,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
-        (f"share/{PACKAGE}/launch", sorted(glob("launch/*"))),
+        (f"share/{PACKAGE}/launch", [str(path) for path in sorted(Path("launch").glob("*.launch.py"))]),
     ],
     entry_points={"console_scripts": ["dcmg = dcmg_bringup.cli:main"]},
     zip_safe=False,

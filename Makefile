@@ -1,0 +1,74 @@
+# Everything a newcomer or CI calls. `make` alone explains.
+SHELL := /bin/sh
+VENV := .venv
+PY := $(VENV)/bin/python
+MSGS := ros_ws/src/dcmg_msgs
+INTERFACES := $(wildcard $(MSGS)/msg/*.msg $(MSGS)/srv/*.srv) $(MSGS)/CMakeLists.txt $(MSGS)/package.xml
+PROJECTS := pyproject.toml constraints.txt $(wildcard ros_ws/src/*/setup.py ros_ws/src/*/setup.cfg)
+BUILD := $(VENV)/build/dcmg_msgs
+# What turns a folder of ROS packages into the place where CMake looks for them.
+ON_WHEELS = AMENT_PREFIX_PATH=$(abspath $(VENV)) CMAKE_PREFIX_PATH=$(abspath $(VENV))
+PYTHON_ARG = -DPython3_EXECUTABLE=$(abspath $(PY))
+
+# Neither a sourced ROS installation nor another ROS environment may shine through.
+ifneq ($(AMENT_PREFIX_PATH)$(_ROS_WHEELS_BOOTSTRAP_COMPLETE),)
+unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH PYTHONPATH
+unexport RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
+endif
+
+.PHONY: help demo test lint bench colcon install clean FORCE
+.DELETE_ON_ERROR:
+
+help: ## this list
+	@sed -n 's/^\([a-z]*\):.*## /\1\t/p' $(MAKEFILE_LIST) | expand -t 10
+	@echo "PYTHON=python3.12 chooses the interpreter of $(VENV). More: docs/install.md"
+
+demo: install ## six DGUs over ROS 2, an attack and its detection (what to run first)
+	@$(VENV)/bin/dcmg run gallo_six_dgu --out out/demo-$$(date +%Y%m%d-%H%M%S)
+
+test: lint ## all checks and all tests
+	@$(PY) -m pytest
+
+lint: install ## import contracts, ruff, formatting, mypy --strict
+	@$(VENV)/bin/lint-imports
+	@$(VENV)/bin/ruff check
+	@$(VENV)/bin/ruff format --check
+	@$(VENV)/bin/mypy
+
+bench: install ## measure the speed on this machine
+	@$(PY) -m pytest -m bench -s tests/bench
+
+colcon: $(VENV)/packages ## build the ROS workspace with colcon, against the wheels
+	@$(PY) -m pip install -qq -c constraints.txt colcon-common-extensions
+	@cd ros_ws && $(ON_WHEELS) $(abspath $(VENV)/bin/colcon) build --cmake-args $(PYTHON_ARG)
+	@cd ros_ws && . install/setup.sh && install/dcmg_bringup/lib/dcmg_bringup/dcmg scenarios
+
+install: $(VENV)/messages ## only make .venv: Python packages, ROS 2 and our messages
+
+clean: ## remove .venv and everything built; out/ stays
+	@rm -rf $(VENV) build dist ros_ws/build ros_ws/install ros_ws/log
+	@rm -rf .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	@find . -name __pycache__ -prune -exec rm -rf {} + -o -name '*.egg-info' -prune -exec rm -rf {} +
+
+ifdef PYTHON
+export PYTHON
+$(VENV)/complete: FORCE # another Python than that of .venv makes it anew
+endif
+$(VENV)/complete:
+	@ros_ws/make_venv.sh $(VENV)
+
+$(VENV)/packages: $(VENV)/complete $(PROJECTS)
+	@echo "Installing ROS 2 Jazzy and the Python packages into $(VENV): one or two minutes, once ..."
+	@$(PY) -m pip install -qq -c constraints.txt setuptools
+	@$(PY) -m pip install -qq -c constraints.txt --no-build-isolation --use-pep517 \
+	  -e '.[dev,messages,ros]' -e ros_ws/src/dcmg_nodes -e ros_ws/src/dcmg_bringup
+	@touch $@
+
+$(VENV)/messages: $(INTERFACES) $(VENV)/complete constraints.txt | $(VENV)/packages
+	@echo "Building the ROS messages ..."
+	@rm -rf $(BUILD) && mkdir -p $(BUILD)
+	@{ $(ON_WHEELS) cmake -S $(MSGS) -B $(BUILD) -DCMAKE_INSTALL_PREFIX=$(abspath $(VENV)) $(PYTHON_ARG) \
+	     -DCMAKE_PROJECT_INCLUDE=$(abspath ros_ws/unite_generated.cmake) && \
+	   $(ON_WHEELS) cmake --build $(BUILD) --parallel && cmake --install $(BUILD); } >$(BUILD).log 2>&1 || \
+	  { tail -n 20 $(BUILD).log; echo "The messages did not build; the whole log: $(BUILD).log"; exit 1; } >&2
+	@touch $@
