@@ -203,6 +203,8 @@ class DesignCodec:
 
 # the constants of AttackEvent.msg
 _ACTIONS = {Action.START: 1, Action.STOP: 2}
+# RTPS pads a payload to whole words on its way between processes: padded from the start it is the same everywhere
+_RTPS_ALIGNMENT = 4
 _HISTORY_COLUMNS = {"u": "inputs", "y": "outputs", "x": "states"}
 # the constants of Residual.msg
 _PHASES = ("refused", "settling", "calibrating", "armed")
@@ -233,7 +235,8 @@ def _message(type_name: str, **fields: object) -> Any:  # noqa: ANN401 - rosbags
 
 
 def _serialize(type_name: str, **fields: object) -> bytes:
-    return bytes(typestore().serialize_cdr(_message(type_name, **fields), type_name, little_endian=True))
+    data = bytes(typestore().serialize_cdr(_message(type_name, **fields), type_name, little_endian=True))
+    return data + bytes(-len(data) % _RTPS_ALIGNMENT)
 
 
 def _deserialize(type_name: str, data: bytes) -> Any:  # noqa: ANN401 - rosbags makes its classes at run time

@@ -213,7 +213,7 @@ def _table(result: RunSummary) -> Table:
         attack = "" if link.attack_start_sec is None else f"from {link.attack_start_sec:g} s"
         missed = "missed" if link.attacked else ""
         table.add_row(
-            f"{link.source} → {link.target}",
+            f"{_number(link.source)} → {_number(link.target)}",
             attack,
             missed if link.alarm_sec is None else f"{link.alarm_sec:.2f}",
             "" if link.detection_delay_sec is None else f"{link.detection_delay_sec:.2f}",
@@ -223,3 +223,7 @@ def _table(result: RunSummary) -> Table:
             style="bold red" if link.attacked else None,
         )
     return table
+
+
+def _number(name: str) -> str:
+    return name.removeprefix("dgu_")
