@@ -34,7 +34,7 @@ def test_two_samples_are_one_of_twice_the_length(sampling_period_sec: float, con
 
 
 def test_rest_stays_at_rest() -> None:
-    """x = [V_ref, I_L, v] with (k1-1)V + (k2-R_t)I + k3 v = 0 is a fixed point of the sampled DGU."""
+    """X = [V_ref, I_L, v] with (k1-1)V + (k2-R_t)I + k3 v = 0 is a fixed point of the sampled DGU."""
     V_ref, I_L = 48.0, 10.0
     v = -((DGU_1.k1 - 1.0) * V_ref + (DGU_1.k2 - DGU_1.R_t) * I_L) / DGU_1.k3
     A, E = discretise(*continuous(DGU_1), 0.01)

@@ -14,16 +14,18 @@ DGU_1 = DguParameters(R_t=0.2, L_t=1.8e-3, C_t=2.2e-3, k1=-2.134, k2=-0.163, k3=
 
 
 @given(
-    st.floats(0.05, 1.0),
-    st.floats(1e-4, 1e-2),
-    st.floats(1e-4, 1e-2),
-    st.floats(-9.0, 3.0),
-    st.floats(-1.0, 2.0),
-    st.floats(-50.0, 500.0),
+    st.builds(
+        DguParameters,
+        R_t=st.floats(0.05, 1.0),
+        L_t=st.floats(1e-4, 1e-2),
+        C_t=st.floats(1e-4, 1e-2),
+        k1=st.floats(-9.0, 3.0),
+        k2=st.floats(-1.0, 2.0),
+        k3=st.floats(-50.0, 500.0),
+    )
 )
-def test_gain_condition_decides_stability(R_t: float, L_t: float, C_t: float, k1: float, k2: float, k3: float) -> None:
+def test_gain_condition_decides_stability(parameters: DguParameters) -> None:
     """An isolated DGU is stable exactly when the gain condition holds."""
-    parameters = DguParameters(R_t=R_t, L_t=L_t, C_t=C_t, k1=k1, k2=k2, k3=k3)
     A_c, _ = continuous(parameters)
     eigenvalues = np.linalg.eigvals(A_c)
     # Eigenvalues this close to the axis, against norms up to 1e5, are not decided in double precision.

@@ -1,7 +1,7 @@
 """One pair of DGUs in floats, all of them in arrays."""
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
@@ -11,6 +11,7 @@ from dgu_sim.transition import PairTransition, stack_transitions
 NUMBER = st.floats(-1e3, 1e3)
 
 
+@settings(max_examples=50)
 @given(
     st.integers(1, 4).flatmap(
         lambda dgus: st.tuples(

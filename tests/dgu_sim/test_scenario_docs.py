@@ -1,0 +1,105 @@
+"""docs/scenario.md names every key of a scenario, with its default."""
+
+import json
+import re
+from pathlib import Path
+
+import pytest
+from pydantic import BaseModel
+
+from dgu_sim import loads, noise, settings
+from dgu_sim.attacks import KINDS
+from dgu_sim.errors import ScenarioError
+from dgu_sim.scenario import Scenario, parse_scenario
+
+SECTIONS: dict[str, type[BaseModel]] = {
+    "Top level": Scenario,
+    "dgus": settings.DguSettings,
+    "Load: constant": loads.ConstantLoad,
+    "Load: step": loads.StepLoad,
+    "Load: ramp": loads.RampLoad,
+    "Load: uniform": loads.UniformLoad,
+    "Load: gaussian": loads.GaussianLoad,
+    "Load: table": loads.TableLoad,
+    "lines": settings.LineSettings,
+    "secondary": settings.SecondarySettings,
+    "Noise: none": noise.NoNoise,
+    "Noise: uniform": noise.UniformNoise,
+    "Noise: gaussian": noise.GaussianNoise,
+    "history": settings.HistorySettings,
+    "monitor": settings.MonitorSettings,
+    "monitor.observer": settings.ObserverSettings,
+    "monitor.detector": settings.DetectorSettings,
+    "attacks": settings.AttackSettings,
+    **{f"Attack: {kind}": attack for kind, attack in KINDS.items()},
+}
+NO_KEYS = {(settings.AttackSettings, "parameters")}  # gathered from the keys of the attack class
+
+
+@pytest.fixture(name="page", scope="module")
+def _page(root: Path) -> str:
+    return (root / "docs" / "scenario.md").read_text(encoding="utf-8")
+
+
+def _rows(page: str, heading: str) -> dict[str, str]:
+    """Return key -> default of the tables of one section."""
+    section = re.split(rf"^#+ {re.escape(heading)}$", page, flags=re.MULTILINE)[1]
+    section = re.split(r"^#+ ", section, flags=re.MULTILINE)[0]
+    return dict(re.findall(r"^\| `(\w+)` \| ([^|]+) \|", section, flags=re.MULTILINE))
+
+
+def _default(model: type[BaseModel], key: str) -> str:
+    field = model.model_fields[key]
+    if field.is_required():
+        return "required"
+    if field.default_factory is not None:
+        return "`{}`" if (model, key) == (settings.ObserverSettings, "options") else "see below"
+    if field.default is None:
+        return "none"
+    if isinstance(field.default, str):
+        return f"`{field.default}`" if field.default else '`""`'
+    return f"`{json.dumps(field.default)}`"
+
+
+@pytest.mark.parametrize("heading", SECTIONS)
+def test_every_key_stands_in_its_section_with_its_default(page: str, heading: str) -> None:
+    """The page and the models agree on keys and defaults, and every field describes itself."""
+    model, rows = SECTIONS[heading], _rows(page, heading)
+    for key, field in model.model_fields.items():
+        if (model, key) not in NO_KEYS:
+            assert rows.get(key) == _default(model, key), key
+            assert field.description, key
+
+
+def test_every_option_of_the_fixed_detector_stands_there(page: str) -> None:
+    """Options and their defaults are those that a scenario is filled up with."""
+    rows = _rows(page, "monitor.detector")
+    for option, default in settings.FIXED_DETECTOR.items():
+        assert rows[option] == f"`{json.dumps(default)}`"
+
+
+def test_every_model_of_a_scenario_has_a_section() -> None:
+    """A new load, noise or section cannot be forgotten."""
+    found = {
+        value
+        for module in (loads, noise, settings)
+        for value in vars(module).values()
+        if isinstance(value, type) and issubclass(value, BaseModel) and value.__module__ == module.__name__
+    }
+    assert found <= set(SECTIONS.values())
+
+
+def test_example_and_its_error_are_real(page: str) -> None:
+    """The example on the page loads, and the error shown is the one it gives."""
+    example = page.split("```yaml\n")[1].split("```", maxsplit=1)[0]
+    parse_scenario(example)
+    wrong = example.replace("lines:", "secondary: {gain: 5}\nlines:")
+    with pytest.raises(ScenarioError) as caught:
+        parse_scenario(wrong, "two_dgus.yaml")
+    assert str(caught.value) in page
+
+
+def test_shipped_scenarios_are_listed(page: str, scenario_files: list[Path]) -> None:
+    """The page names every shipped scenario."""
+    for path in scenario_files:
+        assert f"`{path.stem}`" in page
