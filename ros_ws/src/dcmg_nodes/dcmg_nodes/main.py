@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 
 import rclpy
 from bags.convert import history_records
+from bags.origin import attach_origin
 from bags.schema import ATTACKER_NODE, CLOCK_NODE, dgu_name, monitor_name
 from bags.writer import BagWriter
 from dgu_sim.experiment import run_experiments
@@ -126,7 +127,7 @@ class _Builder:
 
     def _recorder(self) -> Ports:
         writer = BagWriter(self._options.out / BAG, self._wiring.topics.all)
-        writer.attach("scenario.yaml", self._scenario.to_yaml().encode())
+        attach_origin(writer, self._scenario)
         period_sec = self._scenario.sampling_period_sec / self._options.rate
         stall_sec = max(self._options.stall_timeout_sec, _STALL_PERIODS * period_sec)
         node = RecorderNode(self._wiring, self._lifetime, writer, self._scenario.steps, stall_sec)

@@ -1,0 +1,101 @@
+"""How runs end: killed nodes, stalled nodes, Ctrl-C, runs side by side."""
+
+from __future__ import annotations
+
+import re
+import signal
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import psutil
+import pytest
+from bags.reader import read_run
+
+ENDED_SEC = 5.0
+
+
+def shared_memory() -> set[str]:
+    """Names of the shared-memory files of this machine."""
+    return {path.name for path in Path("/dev/shm").iterdir()}  # noqa: S108 (where Fast DDS would leave files)
+
+
+def assert_gone(processes: list[psutil.Process]) -> None:
+    """Fail when one of the processes still runs."""
+    _, alive = psutil.wait_procs(processes, timeout=0.0)
+    assert [process.cmdline() for process in alive] == []
+
+
+@pytest.mark.parametrize("victim", ["dgu_3", "monitor_2", "attacker"])
+def test_a_killed_node_ends_the_run_and_leaves_a_bag(
+    start_run: Callable[..., Any], long_scenario: Path, victim: str
+) -> None:
+    """SIGKILL of a node: within 5 s one line that names node and step, a non-zero exit, a readable bag, nothing left."""
+    memory = shared_memory()
+    run = start_run(long_scenario)
+    run.wait_until_recording()
+    nodes = run.nodes()
+    assert len(nodes) == 15
+    killed_at = time.monotonic()
+    nodes[victim].kill()
+    finished = run.end()
+    assert time.monotonic() - killed_at < ENDED_SEC  # the promise of the command, not a benchmark
+    assert finished.code != 0
+    said = re.search(rf"dcmg: node {victim} ended at step (\d+) \(killed by SIGKILL.*", finished.err)
+    assert said is not None, finished.err
+    record = read_run(run.bag)
+    assert record.steps >= int(said[1]) > 0
+    assert_gone(list(nodes.values()))
+    assert shared_memory() <= memory
+
+
+def test_a_stalled_node_is_named(start_run: Callable[..., Any], long_scenario: Path) -> None:
+    """A node that hangs without dying stalls the run: the watchdog names it, and its topic."""
+    run = start_run(long_scenario)
+    run.wait_until_recording()
+    nodes = run.nodes()
+    nodes["dgu_4"].suspend()
+    finished = run.end()
+    assert finished.code != 0
+    assert re.search(r"stalled: step \d+ waits for node dgu_4 \(/dgu_4/state\)", finished.err), finished.err
+    assert read_run(run.bag).steps > 0
+    assert_gone(list(nodes.values()))
+
+
+@pytest.mark.parametrize("options", [(), ("--composed",)])
+def test_ctrl_c_closes_the_bag(start_run: Callable[..., Any], long_scenario: Path, options: tuple[str, ...]) -> None:
+    """SIGINT ends the run cleanly, in processes and composed: a closed bag, no process left."""
+    run = start_run(long_scenario, *options)
+    run.wait_until_recording()
+    nodes = list(run.nodes().values())
+    finished = run.end(signal.SIGINT)
+    assert finished.code == 130
+    assert "interrupted at step" in finished.err
+    assert "Traceback" not in finished.err
+    assert read_run(run.bag).steps > 0
+    assert_gone(nodes)
+
+
+def test_nodes_die_with_a_killed_supervisor(start_run: Callable[..., Any], long_scenario: Path) -> None:
+    """SIGKILL of `dcmg run` itself: its nodes end too, and the recorder still closes the bag."""
+    run = start_run(long_scenario)
+    run.wait_until_recording()
+    nodes = list(run.nodes().values())
+    run.process.kill()
+    gone, alive = psutil.wait_procs(nodes, timeout=30.0)
+    assert (len(gone), alive) == (15, [])
+    assert read_run(run.bag).steps > 0
+
+
+def test_two_runs_side_by_side_do_not_see_each_other(
+    start_run: Callable[..., Any], long_scenario: Path, short_scenario: Path
+) -> None:
+    """A run that starts beside another one ends by itself with all its steps, while the other goes on."""
+    first = start_run(long_scenario, "--composed", name="first")
+    first.wait_until_recording()
+    second = start_run(short_scenario, "--composed", name="second").end()
+    assert second.code == 0, second.err
+    assert first.process.poll() is None
+    assert first.end(signal.SIGINT).code == 130
+    assert read_run(first.out / "bag").topics == read_run(first.out.parent / "second" / "bag").topics
