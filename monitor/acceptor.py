@@ -81,7 +81,7 @@ def regress(behaviour: Behaviour, selection: NDArray[np.float64]) -> Regression:
 def solve(regression: Regression, tolerance: float) -> Acceptors | None:
     """Solve W S = target for all W, or return None when ker S is not in ker target: T (13) fails.
 
-    `tolerance` is relative to the largest singular value of S.
+    A direction of S below the tolerance, relative to its largest singular value, carries only rounding or noise.
     """
     S, target = regression.S, regression.target
     left, values, right = np.linalg.svd(S, full_matrices=True)
@@ -96,12 +96,12 @@ def solve(regression: Regression, tolerance: float) -> Acceptors | None:
 def unstable_fixed_modes(acceptors: Acceptors, limit: float) -> NDArray[np.complex128]:
     """Eigenvalues of W_x0 + Q N_x of modulus >= limit that no Q moves: the unstable invariant zeros of (A, E, C)."""
     A, C = acceptors.W_x0, acceptors.N_x
-    hidden = _unobservable(A, C)
+    hidden = unobservable(A, C)
     modes = np.linalg.eigvals(hidden.T @ A @ hidden) if hidden.shape[1] else np.zeros(0)
     return modes[np.abs(modes) >= limit].astype(np.complex128)
 
 
-def _unobservable(A: NDArray[np.float64], C: NDArray[np.float64]) -> NDArray[np.float64]:
+def unobservable(A: NDArray[np.float64], C: NDArray[np.float64]) -> NDArray[np.float64]:
     """Orthonormal basis of the unobservable subspace of (A, C), by shrinking ker C to its largest A-invariant part."""
     basis: NDArray[np.float64] = null_space(C, rcond=_HIDDEN) if len(C) else np.eye(len(A))
     while basis.shape[1]:

@@ -74,15 +74,3 @@ def _selected_states(C: NDArray[np.float64]) -> list[int] | None:
     order = np.argmax(np.abs(C), axis=1)
     selection = np.eye(C.shape[1])[order]
     return [int(state) for state in order] if np.allclose(C, selection, rtol=0.0, atol=_SELECTION) else None
-
-
-def span(data: DataMatrices, unknown_inputs: int) -> Behaviour:
-    """Truncate [U_p; X_p; U_f; X_f] to its decided rank (total least squares: all rows may carry noise)."""
-    m, n = len(data.U_p), len(data.X_p)
-    rank = 2 * m + n + unknown_inputs
-    trajectories = np.vstack([data.U_p, data.X_p, data.U_f, data.X_f])
-    directions, values, _ = np.linalg.svd(trajectories, full_matrices=False)
-    if rank > len(values):
-        raise HistoryError(f"the history has {data.columns} usable columns, expected at least {rank}: record longer")
-    L_u, L_x, L_uf, L_xf = np.split(directions[:, :rank], np.cumsum([m, n, m]))
-    return Behaviour(L_u=L_u, L_x=L_x, L_uf=L_uf, L_xf=L_xf, C=identify_output(data), unknown_inputs=unknown_inputs)

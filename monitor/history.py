@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -113,7 +113,7 @@ class DataMatrices:
         X_f: (n, N) states at t + 1.
         experiments: how many experiments contributed.
         dropped: columns left out because of a missing value.
-        groups: (N,) number of the experiment a column comes from.
+        positions: (N,) when a column starts; consecutive columns of one experiment differ by 1, others by more.
     """
 
     U_p: NDArray[np.float64]
@@ -124,7 +124,7 @@ class DataMatrices:
     X_f: NDArray[np.float64]
     experiments: int
     dropped: int
-    groups: NDArray[np.int64] = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+    positions: NDArray[np.int64]
 
     @property
     def columns(self) -> int:
@@ -141,13 +141,14 @@ def data_matrices(history: History) -> DataMatrices:
     n, m, p = history.states, history.inputs, history.outputs
     if n == 0 or p == 0:
         raise HistoryError(f"the history has {p} outputs and {n} states, expected at least one of each")
-    past, future, groups = [], [], []
-    for number, experiment in enumerate(history.experiments):
+    past, future, positions, start = [], [], [], 0
+    for experiment in history.experiments:
         samples = np.hstack([experiment.u, experiment.y, experiment.x])
         past.append(samples[:-1])
         future.append(samples[1:])
-        groups.append(np.full(max(len(samples) - 1, 0), number))
-    before, after, group = np.vstack(past).T, np.vstack(future).T, np.concatenate(groups)
+        positions.append(start + np.arange(len(samples) - 1))
+        start += len(samples)
+    before, after, position = np.vstack(past).T, np.vstack(future).T, np.concatenate(positions)
     whole = np.isfinite(before).all(axis=0) & np.isfinite(after).all(axis=0)
     dropped = int(np.count_nonzero(~whole))
     before, after = before[:, whole], after[:, whole]
@@ -165,7 +166,7 @@ def data_matrices(history: History) -> DataMatrices:
         X_f=X_f,
         experiments=len(history.experiments),
         dropped=dropped,
-        groups=group[whole].astype(np.int64),
+        positions=position[whole].astype(np.int64),
     )
 
 

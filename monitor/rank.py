@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 
 _EXACT_GAP = 1e2  # exact data leave many decades between what is excited and what is rounding
 _KNOWN_GAP = 3.0  # below it the directions of the known unknown inputs are mixed with noise
-_SEARCHED_GAP = 10.0  # a gap that has to be found, not only confirmed, must stand out clearly
+_SEARCHED_GAP = 100.0  # a gap that has to be found, not only confirmed: random plants show tenfold gaps by chance
+_RUNNER_UP = 10.0  # and it must be larger by this than the next one
 _NOISE_MARGIN = 1.25  # the innovations are noise at two instants: their singular values spread wider than white noise
 _OVERSTATED = 0.2  # noise values below this share of the stated level contradict it
 
@@ -232,7 +233,7 @@ def _largest_gap(values: NDArray[np.float64]) -> tuple[int | None, float]:
     best = int(np.argmax(gaps))
     runner_up = float(np.max(np.delete(gaps, best), initial=1.0))
     confidence = 1.0 - runner_up / float(gaps[best])
-    stands_out = gaps[best] >= _SEARCHED_GAP * runner_up
+    stands_out = gaps[best] >= max(_SEARCHED_GAP, _RUNNER_UP * runner_up)
     flat = bool(np.all(gaps[best + 1 :] < _KNOWN_GAP))
     return (best + 1 if stands_out and flat else None), confidence
 

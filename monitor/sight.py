@@ -25,15 +25,15 @@ _LONGEST = 100_000  # steps after which a decay or a step response is cut off
 
 
 def measure_dynamics(
-    observer: LinearObserver, strategy: str, kernel_residual: float, sampling_period_sec: float
+    A_UIO: NDArray[np.float64], strategy: str, kernel_residual: float, sampling_period_sec: float
 ) -> DynamicsReport:
-    """Report how the error e+ = A e behaves."""
-    eigenvalues = np.linalg.eigvals(observer.A) if observer.order else np.zeros(0)
+    """Report how the error e+ = A_UIO e behaves."""
+    eigenvalues = np.linalg.eigvals(A_UIO) if len(A_UIO) else np.zeros(0)
     radius = float(np.max(np.abs(eigenvalues), initial=0.0))
-    steps = convergence_steps(observer.A) if radius < 1.0 else None
+    steps = convergence_steps(A_UIO) if radius < 1.0 else None
     return DynamicsReport(
         strategy=strategy,
-        order=observer.order,
+        order=len(A_UIO),
         kernel_residual=kernel_residual,
         eigenvalues=np.column_stack([eigenvalues.real, eigenvalues.imag]),
         spectral_radius=radius,

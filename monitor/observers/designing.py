@@ -10,14 +10,15 @@ from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from monitor.acceptor import regress, solve, unstable_fixed_modes
-from monitor.behaviour import span
 from monitor.certificate import Certificate, DataReport
 from monitor.errors import HistoryError
-from monitor.freedom import Strategy, choose
+from monitor.freedom import FreedomOptions, Problem, Refusal, Strategy, choose
 from monitor.history import data_matrices
 from monitor.observers.protocol import Design
-from monitor.rank import RankOptions, decide_rank
+from monitor.rank import RankBasis, RankOptions, decide_rank
 from monitor.sight import measure_dynamics, measure_residual
+from monitor.subspace import Method, averaged, span
+from monitor.wording import accepted, blind_reason
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -31,6 +32,9 @@ if TYPE_CHECKING:
     from monitor.rank import RankDecision
 
 _SCHUR = 1.0 - 1e-9  # a spectral radius from here on is no decay
+_ROUNDING = 1e-9  # relative: below it a direction of the regressors carries rounding only
+_NOISE_SAFETY = 3.0  # directions closer than this to the error of the subspace are not told from noise
+_TINY = 1e-300  # keeps 0 / 0 out of a relative misfit
 
 
 @checked_dataclass(frozen=True, slots=True, kw_only=True, config=ConfigDict(extra="forbid"))
@@ -38,18 +42,28 @@ class DesignOptions:
     """Options of every unknown-input observer.
 
     Attributes:
-        strategy: how the free matrix Q is chosen.
         unknown_inputs: m_d, when it is known.
         noise_std: standard deviation of the noise on the recorded x, one number or one a state, when it is known.
         relative_tolerance: what counts as rounding in exact data.
+        method: how the behaviour is found in noisy data; on exact data all agree.
+        repeated: the experiments repeat one another (same start, same inputs): average them.
+        strategy: how the free matrix Q is chosen.
+        decay: largest modulus of the eigenvalues of A_UIO, for the strategies that move them.
+        poles: eigenvalues of A_UIO, for pole_placement.
+        noise_budget: noise gain allowed, for max_sensitivity; None: that of minimum_norm.
         threshold: the residual threshold that the certificate's smallest bias refers to, one number or one an output.
         allow_blind: accept an observer whose residual can show nothing, for its estimate.
     """
 
-    strategy: Strategy = Strategy.MINIMUM_NORM
     unknown_inputs: int | None = Field(default=None, ge=0)
     noise_std: tuple[float, ...] | float | None = None
     relative_tolerance: float = Field(default=1e-10, gt=0.0, lt=1.0)
+    method: Method = Method.TOTAL_LEAST_SQUARES
+    repeated: bool = False
+    strategy: Strategy = Strategy.MINIMUM_NORM
+    decay: float | None = Field(default=None, gt=0.0, lt=1.0)
+    poles: tuple[float, ...] | None = None
+    noise_budget: float | None = Field(default=None, gt=0.0)
     threshold: tuple[float, ...] | float = 1e-3
     allow_blind: bool = False
 
@@ -71,66 +85,103 @@ class Shape:
 
 def design_uio(history: History, options: DesignOptions, shape: Shape) -> Design:
     """Design an unknown-input observer, or refuse in one line."""
-    refused = Certificate(kind=shape.kind, accepted=False, verdict="")
+    draft = Certificate(kind=shape.kind, accepted=False, verdict="")
     try:
+        history = averaged(history) if options.repeated else history
+        _check_lengths(history, options)
         data = data_matrices(history)
-        decision = decide_rank(
-            data,
-            RankOptions(
-                unknown_inputs=options.unknown_inputs,
-                noise_std=options.noise_std,
-                relative_tolerance=options.relative_tolerance,
-            ),
-        )
-        refused = replace(refused, data=_report(history, data, decision))
+        decision = decide_rank(data, _rank_options(options))
+        report = _report(history, data, decision)
+        draft = replace(draft, data=report)
         if decision.unknown_inputs is None:
-            return _refuse(refused, decision.reason)
-        return _design(data, span(data, decision.unknown_inputs), options, shape, refused)
+            return _refuse(draft, decision.reason)
+        behaviour = span(data, decision.unknown_inputs, options.method, _weights(options, history.states))
     except HistoryError as error:
-        return _refuse(refused, str(error))
-
-
-def _design(
-    data: DataMatrices, behaviour: Behaviour, options: DesignOptions, shape: Shape, refused: Certificate
-) -> Design:
-    """Solve, choose Q, check: everything after the rank is decided."""
+        return _refuse(draft, str(error))
     selection = shape.selection(behaviour)
-    acceptors = solve(regress(behaviour, selection), _ACCEPTOR_TOLERANCE)
+    acceptors = solve(regress(behaviour, selection), _subspace_error(decision))
     if acceptors is None:
-        return _refuse(refused, "no unknown-input observer exists: ker S is not in ker X_f, T (13) (rank CE < rank E)")
+        return _refuse(
+            draft, "no unknown-input observer exists: ker S is not in ker X_f, T (13) fails (rank CE < rank E)"
+        )
     fixed = unstable_fixed_modes(acceptors, _SCHUR)
     if len(fixed):
         listed = ", ".join(f"{mode:.4g}" for mode in fixed)
-        return _refuse(refused, f"no stable unknown-input observer exists: (A, E, C) has the unstable zeros {listed}")
-    W = choose(acceptors, options.strategy)
-    observer = shape.observer(behaviour, acceptors, W)
-    target, S = _recorded(data, behaviour, selection)
-    kernel_residual = float(np.linalg.norm(target - W @ S) / max(float(np.linalg.norm(target)), _TINY))
-    assert refused.data is not None  # noqa: S101 - set by the caller
-    period = refused.data.sampling_period_sec
-    dynamics = measure_dynamics(observer, options.strategy.value, kernel_residual, period)
-    refused = replace(refused, dynamics=dynamics, matrices=_matrices(observer, behaviour))
+        return _refuse(draft, f"no stable unknown-input observer exists: (A, E, C) has the unstable zeros {listed}")
+    problem = Problem(acceptors=acceptors, build=lambda W: shape.observer(behaviour, acceptors, W))
+    freedom = FreedomOptions(decay=options.decay, poles=options.poles, noise_budget=options.noise_budget)
+    W = choose(problem, options.strategy, freedom)
+    if isinstance(W, Refusal):
+        return _refuse(draft, W.reason)
+    misfit = _kernel_residual(data, selection, W)
+    return _checked(draft, report, options, _Solution(behaviour=behaviour, problem=problem, W=W, misfit=misfit))
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Solution:
+    """What came out of the choice."""
+
+    behaviour: Behaviour
+    problem: Problem
+    W: NDArray[np.float64]
+    misfit: float
+
+
+def _checked(draft: Certificate, data: DataReport, options: DesignOptions, solution: _Solution) -> Design:
+    """Measure the observer; refuse what is not stable or sees nothing."""
+    observer = solution.problem.build(solution.W)
+    A_UIO = solution.W[:, solution.problem.acceptors.regression.state_columns]
+    dynamics = measure_dynamics(A_UIO, options.strategy.value, solution.misfit, data.sampling_period_sec)
+    matrices = {"C": solution.behaviour.C, **observer.matrices()}
+    draft = replace(draft, dynamics=dynamics, matrices=matrices)
     if dynamics.spectral_radius >= _SCHUR:
-        return _refuse(
-            refused,
-            f"{options.strategy.value} is not stable: spectral radius {dynamics.spectral_radius:.4g}; "
-            "another strategy can stabilise it",
-        )
-    residual = measure_residual(observer, _threshold(options, observer.outputs))
-    refused = replace(refused, residual=residual)
+        name = options.strategy.value
+        stable = "dual_lqr can stabilise it"
+        return _refuse(draft, f"{name} is not stable, spectral radius {dynamics.spectral_radius:.4g}: {stable}")
+    threshold = np.array(np.broadcast_to(np.asarray(options.threshold, dtype=np.float64), (observer.outputs,)))
+    residual = measure_residual(observer, threshold)
+    draft = replace(draft, residual=residual)
     if residual.blind and not options.allow_blind:
-        return _refuse(refused, _blind_reason(behaviour, observer.outputs))
-    verdict = _verdict(refused)
-    return Design(kind=shape.kind, observer=observer, certificate=replace(refused, accepted=True, verdict=verdict))
+        return _refuse(draft, blind_reason(data))
+    certificate = replace(draft, accepted=True, verdict=accepted(data, dynamics, residual))
+    return Design(kind=draft.kind, observer=observer, certificate=certificate)
 
 
-_ACCEPTOR_TOLERANCE = 1e-9  # relative: below it a direction of the regressors carries rounding only
-_TINY = 1e-300  # keeps 0 / 0 out of a relative misfit
+def _refuse(draft: Certificate, reason: str) -> Design:
+    return Design(kind=draft.kind, observer=None, certificate=replace(draft, verdict=f"refused: {reason}"))
 
 
-def _refuse(certificate: Certificate, reason: str) -> Design:
-    verdict = f"refused: {reason}"
-    return Design(kind=certificate.kind, observer=None, certificate=replace(certificate, verdict=verdict))
+def _check_lengths(history: History, options: DesignOptions) -> None:
+    """Raise HistoryError when an option has another number of entries than the history has signals."""
+    for name, count in (("noise_std", history.states), ("threshold", history.outputs)):
+        value = getattr(options, name)
+        if isinstance(value, tuple) and len(value) != count:
+            raise HistoryError(f"{name} has {len(value)} entries, expected 1 or {count}")
+
+
+def _rank_options(options: DesignOptions) -> RankOptions:
+    return RankOptions(
+        unknown_inputs=options.unknown_inputs,
+        noise_std=options.noise_std,
+        relative_tolerance=options.relative_tolerance,
+    )
+
+
+def _weights(options: DesignOptions, states: int) -> NDArray[np.float64]:
+    """1 / noise_std of each state, up to a factor; equal when nothing is known."""
+    if options.noise_std is None:
+        return np.ones(states)
+    std = np.broadcast_to(np.asarray(options.noise_std, dtype=np.float64), (states,))
+    return np.asarray(std.min() / std)
+
+
+def _subspace_error(decision: RankDecision) -> float:
+    """How far the behaviour may be tilted: rounding, or noise against the weakest unknown input."""
+    m_d, values = decision.unknown_inputs or 0, decision.innovation_values
+    if decision.basis is RankBasis.EXACT or m_d >= len(values):
+        return _ROUNDING
+    weakest = values[m_d - 1] if m_d else values[0] + 1.0
+    return max(_ROUNDING, min(_NOISE_SAFETY * float(values[m_d] / weakest), 0.1))
 
 
 def _report(history: History, data: DataMatrices, decision: RankDecision) -> DataReport:
@@ -157,41 +208,8 @@ def _report(history: History, data: DataMatrices, decision: RankDecision) -> Dat
     )
 
 
-def _recorded(
-    data: DataMatrices, behaviour: Behaviour, selection: NDArray[np.float64]
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Target and regressors of T (13) as recorded, without any truncation."""
-    del behaviour
+def _kernel_residual(data: DataMatrices, selection: NDArray[np.float64], W: NDArray[np.float64]) -> float:
+    """|X_f - W S| / |X_f| on the data as recorded, without any truncation."""
     S = np.vstack([data.U_p, data.Y_p, selection @ data.X_p, data.U_f, data.Y_f])
-    return selection @ data.X_f, S
-
-
-def _matrices(observer: LinearObserver, behaviour: Behaviour) -> dict[str, NDArray[np.float64]]:
-    names = ("A", "B", "M", "D", "H", "J", "Z")
-    return {"C": behaviour.C, **{name: getattr(observer, name) for name in names}}
-
-
-def _threshold(options: DesignOptions, outputs: int) -> NDArray[np.float64]:
-    return np.array(np.broadcast_to(np.asarray(options.threshold, dtype=np.float64), (outputs,)))
-
-
-def _blind_reason(behaviour: Behaviour, outputs: int) -> str:
-    m_d = behaviour.unknown_inputs
-    if m_d >= outputs:
-        return f"blind: {m_d} unknown inputs explain every change of {outputs} outputs, the residual is always zero"
-    return "blind: the residual stays zero under every falsification; choose another strategy"
-
-
-def _verdict(certificate: Certificate) -> str:
-    data, dynamics, residual = certificate.data, certificate.dynamics, certificate.residual
-    assert data is not None  # noqa: S101 - all three parts stand before a verdict
-    assert dynamics is not None  # noqa: S101
-    assert residual is not None  # noqa: S101
-    speed = f"errors shrink to 1 % in {dynamics.convergence_steps} steps (radius {dynamics.spectral_radius:.3g})"
-    if residual.blind:
-        return f"accepted for its estimate only, BLIND to every falsification; {speed}"
-    hidden = residual.invisible_bias.shape[1]
-    return (
-        f"accepted: {data.unknown_inputs} unknown inputs ({data.rank_basis}); {speed}; the residual has rank "
-        f"{residual.residual_rank} of {data.outputs}: {hidden} directions of constant bias leave no steady residual"
-    )
+    target = selection @ data.X_f
+    return float(np.linalg.norm(target - W @ S) / max(float(np.linalg.norm(target)), _TINY))

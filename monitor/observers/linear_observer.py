@@ -62,6 +62,10 @@ class LinearObserver:
         """Order q of the observer."""
         return len(self.A)
 
+    def matrices(self) -> dict[str, NDArray[np.float64]]:
+        """The matrices by their symbols."""
+        return {"A": self.A, "B": self.B, "M": self.M, "D": self.D, "H": self.H, "J": self.J, "Z": self.Z}
+
     def init(self, u: Sequence[Component], y: Sequence[Component]) -> Vector:
         """State before the first sample is used: z_0 = Z (u_0, y_0)."""
         return matvec(self._start, (*u, *y))

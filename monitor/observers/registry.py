@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from monitor.errors import MonitorError
-from monitor.observers import full_order
+from monitor.observers import full_order, reduced_order
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -13,7 +13,10 @@ if TYPE_CHECKING:
     from monitor.history import History
     from monitor.observers.protocol import Design
 
-KINDS: dict[str, Callable[[History, Mapping[str, object]], Design]] = {full_order.KIND: full_order.design}
+KINDS: dict[str, Callable[[History, Mapping[str, object]], Design]] = {
+    full_order.KIND: full_order.design,
+    reduced_order.KIND: reduced_order.design,
+}
 
 
 def design(kind: str, history: History, options: Mapping[str, object]) -> Design:

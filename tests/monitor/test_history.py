@@ -22,7 +22,7 @@ def test_columns_pair_consecutive_samples_within_an_experiment() -> None:
     assert np.array_equal(data.X_p, np.vstack([first[2][:-1], second[2][:-1]]).T)
     assert np.array_equal(data.X_f, np.vstack([first[2][1:], second[2][1:]]).T)
     assert np.array_equal(data.U_f, np.vstack([first[0][1:], second[0][1:]]).T)
-    assert data.groups.tolist() == [0] * 7 + [1] * 5
+    assert data.positions.tolist() == [*range(7), *range(8, 13)]
 
 
 def test_columns_with_a_gap_are_dropped() -> None:

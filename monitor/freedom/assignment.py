@@ -1,0 +1,100 @@
+"""Moving the eigenvalues of A_UIO = W_x0 + Q N_x: dual LQR and pole placement."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from scipy.linalg import solve_discrete_are
+from scipy.signal import place_poles
+
+from monitor.acceptor import unobservable
+from monitor.freedom.problem import Refusal
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from monitor.acceptor import Acceptors
+    from monitor.freedom.problem import FreedomOptions, Problem
+
+_DEFAULT_DECAY = 0.5
+_RANK = 1e-9  # relative: a row of N_x below is rounding
+_SPREAD = 0.2  # default poles lie in the upper fifth below the decay: distinct, as pole placement needs them
+
+
+def dual_lqr(problem: Problem, options: FreedomOptions) -> NDArray[np.float64] | Refusal:
+    """Steer e+ = (W_x0 + Q N_x) e by a linear-quadratic regulator of the dual system, so that every mode <= decay.
+
+    With A = W_x0' / decay and B = N_x' the regulator of weights I, I gives A - B K Schur; Q = -decay K'.
+    """
+    decay = _DEFAULT_DECAY if options.decay is None else options.decay
+    refusal = _unreachable(problem.acceptors, decay)
+    if refusal is not None:
+        return refusal
+    return problem.acceptors.W0 + _regulator(problem.acceptors, decay) @ problem.acceptors.N
+
+
+def pole_placement(problem: Problem, options: FreedomOptions) -> NDArray[np.float64] | Refusal:
+    """Put every movable eigenvalue of A_UIO where it is asked for; the others are invariant zeros of (A, E, C)."""
+    acceptors = problem.acceptors
+    decay = _DEFAULT_DECAY if options.decay is None else options.decay
+    if options.poles is None:
+        refusal = _unreachable(acceptors, decay)
+        if refusal is not None:
+            return refusal
+    movable = len(acceptors.W_x0) - unobservable(acceptors.W_x0, acceptors.N_x).shape[1]
+    poles = default_poles(movable, decay) if options.poles is None else np.array(options.poles)
+    if len(poles) != movable:
+        return Refusal(f"{len(poles)} poles are given, expected {movable}: that many eigenvalues of A_UIO can be moved")
+    return acceptors.W0 + assign(acceptors, poles) @ acceptors.N
+
+
+def default_poles(count: int, decay: float) -> NDArray[np.float64]:
+    """Distinct real poles just below the decay."""
+    return decay * (1.0 - _SPREAD * np.arange(count) / max(count, 1))
+
+
+def assign(acceptors: Acceptors, poles: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Q (k, f) that puts the movable eigenvalues of W_x0 + Q N_x at `poles`."""
+    A, mixing, N_x = acceptors.W_x0, *_row_basis(acceptors.N_x)
+    if len(N_x) == len(A):  # every entry of A_UIO is free
+        return np.asarray((np.diag(poles) - A) @ np.linalg.inv(N_x) @ mixing)
+    hidden = unobservable(A, acceptors.N_x)
+    seen = np.linalg.svd(hidden, full_matrices=True)[0][:, hidden.shape[1] :]
+    Q = np.zeros((len(A), len(N_x)))
+    if seen.shape[1]:
+        gain = place_poles((seen.T @ A @ seen).T, (N_x @ seen).T, poles).gain_matrix
+        Q = -seen @ gain.T
+    return np.asarray(Q @ mixing)
+
+
+def _regulator(acceptors: Acceptors, decay: float) -> NDArray[np.float64]:
+    """Q (k, f) of the dual regulator with every mode <= decay."""
+    mixing, N_x = _row_basis(acceptors.N_x)
+    if not len(N_x):
+        return np.zeros((len(acceptors.W_x0), len(acceptors.N)))
+    A, B = acceptors.W_x0.T / decay, N_x.T
+    X = solve_discrete_are(A, B, np.eye(len(A)), np.eye(len(N_x)))
+    K = np.linalg.solve(np.eye(len(N_x)) + B.T @ X @ B, B.T @ X @ A)
+    return np.asarray(-decay * K.T @ mixing)
+
+
+def _row_basis(N_x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Independent combinations: mixing (r, f) with orthonormal rows and mixing @ N_x (r, k) of full row rank."""
+    left, values, _ = np.linalg.svd(N_x, full_matrices=False)
+    rank = int(np.count_nonzero(values > _RANK)) if values.size else 0
+    mixing = left[:, :rank].T
+    return mixing, mixing @ N_x
+
+
+def _unreachable(acceptors: Acceptors, decay: float) -> Refusal | None:
+    """Say which eigenvalues keep A_UIO from the requested decay."""
+    hidden = unobservable(acceptors.W_x0, acceptors.N_x)
+    if not hidden.shape[1]:
+        return None
+    modes = np.linalg.eigvals(hidden.T @ acceptors.W_x0 @ hidden)
+    slow = modes[np.abs(modes) >= decay]
+    if not len(slow):
+        return None
+    listed = ", ".join(f"{mode:.4g}" for mode in slow)
+    return Refusal(f"a decay of {decay:g} cannot be reached: A_UIO keeps the eigenvalues {listed} whatever Q is")

@@ -1,0 +1,137 @@
+"""The freedom used for detection: the largest worst-case residual under a constant bias for a given noise gain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from scipy.linalg import null_space, solve_discrete_lyapunov
+
+from monitor.acceptor import unobservable
+from monitor.freedom.assignment import assign
+from monitor.freedom.problem import Refusal
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from monitor.freedom.problem import FreedomOptions, Problem
+    from monitor.observers.linear_observer import LinearObserver
+
+_DEFAULT_DECAY = 0.9
+_VISIBLE = 1e-7  # relative: below it no choice makes a bias visible
+_CLUSTER = 1e-3  # relative spread of the poles where they may not coincide
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Affine:
+    """A matrix that is affine in the free numbers theta: base + sum_i theta_i steps[i]."""
+
+    base: NDArray[np.float64]
+    steps: NDArray[np.float64]
+
+
+def max_sensitivity(problem: Problem, options: FreedomOptions) -> NDArray[np.float64] | Refusal:
+    """Maximise the residual of the least visible bias, the noise gain held.
+
+    A_UIO is fixed first, with all movable eigenvalues at `decay`: a slow residual averages noise. What is left of Q,
+    the rows of N that do not touch the estimate, enters G0 = J + H (I - A)^-1 B_y (residual of a constant bias) and
+    F = [J; O^(1/2) B_y] (noise, O = A' O A + H' H) affinely. With V a basis of the biases that some choice can see:
+
+        maximise t  subject to  (V' G0 V + V' G0' V) / 2 >= t I,  |F|_F <= noise budget.
+
+    A semidefinite programme, convex; then |G0 phi| >= t |phi| for every phi in the range of V.
+    """
+    fixed = _fixed_dynamics(problem, options)
+    if isinstance(fixed, Refusal):
+        return fixed
+    base, directions = fixed
+    observers = [problem.build(base), *(problem.build(base + direction) for direction in directions)]
+    gains = _affine([_steady_gain(observer) for observer in observers])
+    noise = _affine([_noise_factor(observer) for observer in observers])
+    visible = _visible(gains)
+    if not visible.shape[1]:
+        return Refusal("max_sensitivity: no choice of Q makes any constant bias visible")
+    budget = options.noise_budget
+    if budget is None:
+        budget = _minimum_norm_noise(problem)
+    if budget is None:
+        return Refusal("max_sensitivity: minimum_norm is not stable and sets no noise budget; give noise_budget")
+    theta = _solve(gains, noise, visible, budget)
+    if theta is None:
+        return Refusal(f"max_sensitivity: no choice of Q sees every visible bias within the noise budget {budget:.3g}")
+    return base + np.tensordot(theta, directions, axes=1)
+
+
+def _fixed_dynamics(
+    problem: Problem, options: FreedomOptions
+) -> tuple[NDArray[np.float64], NDArray[np.float64]] | Refusal:
+    """A solution W with its poles at the decay, and the changes (f0 k, k, s) of W that leave A_UIO alone."""
+    acceptors = problem.acceptors
+    decay = _DEFAULT_DECAY if options.decay is None else options.decay
+    movable = len(acceptors.W_x0) - unobservable(acceptors.W_x0, acceptors.N_x).shape[1]
+    rank = int(np.linalg.matrix_rank(acceptors.N_x)) if acceptors.N_x.size else 0
+    poles = np.full(movable, decay)
+    if rank < len(acceptors.W_x0):
+        poles = decay * (1.0 - _CLUSTER * np.arange(movable))
+    base = acceptors.W0 + assign(acceptors, poles) @ acceptors.N
+    still = null_space(acceptors.N_x.T).T @ acceptors.N if acceptors.N_x.size else acceptors.N
+    k = len(acceptors.W0)
+    if not len(still) or not k:
+        return Refusal("max_sensitivity: A_UIO uses up the whole freedom, nothing is left to optimise")
+    directions = np.einsum("ij,fs->ifjs", np.eye(k), still).reshape(-1, k, still.shape[1])
+    return base, directions
+
+
+def _affine(values: list[NDArray[np.float64]]) -> _Affine:
+    return _Affine(base=values[0], steps=np.array([value - values[0] for value in values[1:]]))
+
+
+def _steady_gain(observer: LinearObserver) -> NDArray[np.float64]:
+    """G0 (p, p)."""
+    m = observer.inputs
+    rest = np.linalg.solve(np.eye(observer.order) - observer.A, observer.B[:, m:])
+    return np.asarray(observer.J[:, m:] + observer.H @ rest)
+
+
+def _noise_factor(observer: LinearObserver) -> NDArray[np.float64]:
+    """F with |F|_F^2 the summed variances of the residual under unit white noise on y."""
+    m, A, H = observer.inputs, observer.A, observer.H
+    values, vectors = np.linalg.eigh(solve_discrete_lyapunov(A.T, H.T @ H))
+    root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+    return np.vstack([observer.J[:, m:], root @ observer.B[:, m:]])
+
+
+def _visible(gains: _Affine) -> NDArray[np.float64]:
+    """Orthonormal basis (p, k) of the biases that leave a steady residual for some theta."""
+    stacked = np.vstack([gains.base, *gains.steps])
+    _, values, right = np.linalg.svd(stacked)
+    scale = max(float(values[0]), 1.0)
+    return right[: int(np.count_nonzero(values > _VISIBLE * scale))].T
+
+
+def _minimum_norm_noise(problem: Problem) -> float | None:
+    """Noise gain of T's observer, None when it is not stable."""
+    observer = problem.build(problem.acceptors.W0)
+    if np.max(np.abs(np.linalg.eigvals(observer.A)), initial=0.0) >= 1.0:
+        return None
+    return float(np.linalg.norm(_noise_factor(observer)))
+
+
+def _solve(gains: _Affine, noise: _Affine, visible: NDArray[np.float64], budget: float) -> NDArray[np.float64] | None:
+    """Solve the semidefinite programme; None when no theta gives t > 0."""
+    cp: Any = import_module("cvxpy")  # only this strategy pays for loading it; it has no types
+    theta, t = cp.Variable(len(gains.steps)), cp.Variable()
+    pieces = np.array([visible.T @ step @ visible for step in (gains.base, *gains.steps)])
+    pieces = (pieces + np.swapaxes(pieces, 1, 2)) / 2.0
+    size = visible.shape[1]
+    flat = pieces[1:].reshape(len(gains.steps), -1).T
+    gain = pieces[0] + cp.reshape(flat @ theta, (size, size), order="C")
+    spread = noise.base.ravel() + noise.steps.reshape(len(noise.steps), -1).T @ theta
+    held = cp.norm(spread / budget, 2) <= 1.0
+    programme = cp.Problem(cp.Maximize(t), [gain - t * np.eye(size) >> 0, held])
+    programme.solve(solver=cp.CLARABEL)
+    if theta.value is None or t.value is None or not float(t.value) > 0.0:
+        return None
+    return np.asarray(theta.value, dtype=np.float64)
