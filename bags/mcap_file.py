@@ -125,15 +125,10 @@ class McapFile:
             Opcode.ATTACHMENT_INDEX: [],
             Opcode.METADATA_INDEX: [],
         }
-        self._counts = np.zeros(1 << 16, dtype=np.int64)  # messages by channel id
+        self._counts: dict[int, int] = {}  # messages by channel id
         self._start_ns, self._end_ns = 2**64 - 1, 0
         self._stream.write(MCAP0_MAGIC)
         self._append(Header(profile=profile, library=LIBRARY_IDENTIFIER))
-
-    @property
-    def counts(self) -> NDArray[np.int64]:
-        """Messages written so far, indexed by channel id."""
-        return self._counts
 
     @property
     def time_range_ns(self) -> tuple[int, int]:
@@ -161,7 +156,8 @@ class McapFile:
         record = _encode(channel)
         known.append(record)
         self._stream.write(record)
-        return len(known)
+        self._counts[channel.id] = 0
+        return channel.id
 
     def add_attachment(self, name: str, media_type: str, data: bytes) -> None:
         """Append an attachment; its times are 0, so that equal runs give equal files."""
@@ -198,7 +194,7 @@ class McapFile:
                 uncompressed_size=len(chunk.buffer),
             )
         )
-        offsets, index_records = _message_indexes(channel_ids, entries, offset + length)
+        offsets, counts, index_records = _message_indexes(channel_ids, entries, offset + length)
         self._stream.write(index_records)
         self.flush()
         index = ChunkIndex(
@@ -213,7 +209,8 @@ class McapFile:
             uncompressed_size=len(chunk.buffer),
         )
         self._indexes[Opcode.CHUNK_INDEX].append(_encode(index))
-        self._counts += np.bincount(channel_ids, minlength=len(self._counts))
+        for channel_id, count in counts.items():
+            self._counts[channel_id] += count
         self._start_ns, self._end_ns = min(self._start_ns, start_ns), max(self._end_ns, end_ns)
 
     def flush(self) -> None:
@@ -260,13 +257,12 @@ class McapFile:
 
     def _statistics(self) -> Statistics:
         start_ns, end_ns = self.time_range_ns
-        channels = range(1, len(self._definitions[Opcode.CHANNEL]) + 1)
         return Statistics(
             attachment_count=len(self._indexes[Opcode.ATTACHMENT_INDEX]),
-            channel_count=len(channels),
-            channel_message_counts={channel: int(self._counts[channel]) for channel in channels},
+            channel_count=len(self._counts),
+            channel_message_counts=dict(self._counts),
             chunk_count=len(self._indexes[Opcode.CHUNK_INDEX]),
-            message_count=int(self._counts.sum()),
+            message_count=sum(self._counts.values()),
             message_end_time=end_ns,
             message_start_time=start_ns,
             metadata_count=len(self._indexes[Opcode.METADATA_INDEX]),
@@ -276,18 +272,18 @@ class McapFile:
 
 def _message_indexes(
     channel_ids: NDArray[np.uint16], entries: NDArray[np.uint64], position: int
-) -> tuple[dict[int, int], bytes]:
-    """One MessageIndex record for each channel: where each lies in the file, and their bytes."""
+) -> tuple[dict[int, int], dict[int, int], bytes]:
+    """One MessageIndex record for each channel: where each lies in the file, how many messages it has, all bytes."""
     starts = np.flatnonzero(np.diff(channel_ids, prepend=0)).tolist()
     ends = [*starts[1:], len(channel_ids)]
     raw = entries.astype("<u8", copy=False).tobytes()
-    offsets, records = {}, bytearray()
+    offsets, counts, records = {}, {}, bytearray()
     for start, end in zip(starts, ends, strict=True):
         channel_id, size = int(channel_ids[start]), 16 * (end - start)
-        offsets[channel_id] = position + len(records)
+        offsets[channel_id], counts[channel_id] = position + len(records), end - start
         records += _MESSAGE_INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + size, channel_id, size)
         records += raw[16 * start : 16 * end]
-    return offsets, bytes(records)
+    return offsets, counts, bytes(records)
 
 
 def _compressor(compression: Compression) -> Callable[[bytearray], bytes]:

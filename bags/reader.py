@@ -1,7 +1,7 @@
 """A recorded run as arrays: the messages of fixed length are decoded a chunk at a time, not one by one."""
 
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any, TypeVar, final
@@ -102,7 +102,7 @@ def _sampling_period_ns(container: Container, topics: RunTopics) -> int:
                 if name in histories and len(chunk.offsets[channel_id]):
                     recorded = round(histories[name].decode(next(chunk.payloads(channel_id))).sampling_period_sec * 1e9)
                 if name == "/tick":
-                    ticks = _decoded(_records(chunk, channel_id, layout, name), layout, name)
+                    ticks = _decoded([_records(chunk, channel_id, layout, name)], [channel_id], layout, name)
                     for tick in ticks[ticks["step"] == 1]:
                         sec, nanosec = int(tick["header.stamp.sec"]), int(tick["header.stamp.nanosec"])
                         return sec * NANOSECONDS_PER_SECOND + nanosec
@@ -118,10 +118,15 @@ def _records(chunk: ChunkView, channel_id: int, layout: Layout, name: str) -> ND
     return records
 
 
-def _decoded(records: NDArray[np.void], layout: Layout, name: str) -> NDArray[np.void]:
-    records = records.view(record_dtype(layout.dtype))
+def _decoded(
+    parts: Sequence[NDArray[np.void]], channel_ids: Sequence[int], layout: Layout, name: str
+) -> NDArray[np.void]:
+    """Messages of some chunks one after the other, once their heads say that they are what the index promised."""
+    records = np.concatenate(parts).view(record_dtype(layout.dtype))
     if np.any(records["opcode"] != Opcode.MESSAGE) or np.any(records["length"] != MESSAGE_HEAD_LENGTH + layout.size):
         raise _wrong_length(layout, name)
+    if np.any(records["channel_id"] != np.repeat(channel_ids, [len(part) for part in parts])):
+        raise BagError(f"{name}: the message index points to messages of another topic")
     messages: NDArray[np.void] = records["message"]
     return messages
 
@@ -139,10 +144,12 @@ class _Column:
     targets: Mapping[str, NDArray[Any]]
     filled: int = 0
     waiting: list[NDArray[np.void]] = field(default_factory=list)
+    channel_ids: list[int] = field(default_factory=list)
 
     def take(self, chunk: ChunkView, channel_id: int, name: str) -> None:
         """Take the messages of one chunk; decode once there are enough for numpy to be quick."""
         self.waiting.append(_records(chunk, channel_id, self.layout, name))
+        self.channel_ids.append(channel_id)
         if len(self.waiting) >= _CHUNKS_AT_ONCE:
             self.decode(name)
 
@@ -150,8 +157,9 @@ class _Column:
         """Copy what waits to where it belongs."""
         if not self.waiting:
             return
-        messages = _decoded(np.concatenate(self.waiting), self.layout, name)
+        messages = _decoded(self.waiting, self.channel_ids, self.layout, name)
         self.waiting.clear()
+        self.channel_ids.clear()
         start = self.filled
         self.filled += len(messages)
         if "step" in self.layout.names:

@@ -1,0 +1,75 @@
+"""All monitors at once against each monitor alone."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from bags.monitors import RunMonitors, alarm_changes, design_monitors
+from bags.replay import histories_of
+from bags.run_record import RunRecord
+from dgu_sim.grid import Link
+from dgu_sim.scenario import Scenario
+from monitor import detectors
+from monitor.history import Experiment, History
+from monitor.link_monitor import LinkMonitor
+
+
+@pytest.fixture(scope="module", name="monitors")
+def _monitors(record: RunRecord, scenario: Scenario) -> RunMonitors:
+    histories = histories_of(record)
+    still = np.zeros((20, 3))
+    histories[3] = History((Experiment(np.empty((20, 0)), still, still, 0.01),), 0.01)
+    return design_monitors(record.topics, scenario.monitor, histories)
+
+
+def test_refused_links_stay_silent(monitors: RunMonitors, record: RunRecord) -> None:
+    """The history of DGU 3 teaches nothing: the link from it is REFUSED throughout, the others are monitored."""
+    assert [design.accepted for design in monitors.designs] == [True, False, True, True]
+    _, outputs = monitors.run(monitors.init(), record.received, record.delivered)
+    silent = record.links.index(Link(3, 1))
+    assert not outputs.phase[:, silent].any()
+    assert not outputs.alarm[:, silent].any()
+    assert np.isnan(outputs.residual[:, silent]).all()
+    assert outputs.phase[-1].tolist() == [3, 0, 3, 3]
+
+
+@settings(max_examples=25, deadline=None)  # every example steps four monitors
+@given(
+    lost=st.sets(st.tuples(st.integers(0, 119), st.integers(0, 3)), max_size=6),
+    cut=st.integers(0, 120),
+)
+def test_stacked_monitors_have_the_bits_of_single_ones(
+    monitors: RunMonitors, record: RunRecord, scenario: Scenario, lost: set[tuple[int, int]], cut: int
+) -> None:
+    """Arrays over links, in blocks of any length, give the bits of floats link by link, lost samples included."""
+    received, delivered = record.received[:120].copy(), record.delivered[:120].copy()
+    for step, position in lost:
+        received[step, position], delivered[step, position] = np.nan, False
+    states, early = monitors.run(monitors.init(), received[:cut], delivered[:cut])
+    _, late = monitors.run(states, received[cut:], delivered[cut:])
+    settings_ = scenario.monitor.detector
+    detector = detectors.build(settings_.kind, settings_.options, scenario.sampling_period_sec)
+    for position, design in enumerate(monitors.designs):
+        single = LinkMonitor(observer=design.observer, detector=detector)
+        state = single.init()
+        for step in range(120):
+            sample = received[step, position].tolist()
+            state, expected = single.step(state, sample, bool(delivered[step, position]))
+            found = early.at(step, position) if step < cut else late.at(step - cut, position)
+            for name in ("estimate", "residual", "threshold"):
+                assert np.array_equal(getattr(found, name), getattr(expected, name), equal_nan=True)
+            assert (found.phase, found.alarm) == (int(expected.phase), bool(expected.alarm))
+
+
+def test_accepted_links_step_together(monitors: RunMonitors) -> None:
+    """Observers of one shape are one group; a refused link is in none."""
+    assert [group.positions.tolist() for group in monitors.groups] == [[0, 2, 3]]
+
+
+def test_alarm_changes_are_in_order() -> None:
+    """Starts and ends are told by step, then by monitor and source, relative to the step before."""
+    links = (Link(2, 1), Link(1, 2), Link(3, 2))
+    alarm = np.array([[True, False, True], [True, True, False], [True, True, False]])
+    before = np.array([True, False, False])
+    assert alarm_changes(alarm, before, links) == [(0, 2), (1, 1), (1, 2)]

@@ -1,0 +1,53 @@
+"""Fresh monitors on recorded runs."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from bags.errors import BagError
+from bags.replay import replay
+from bags.report import summary
+from bags.run_record import RunRecord
+from dgu_sim.errors import ScenarioError
+from monitor.errors import MonitorError
+
+CONCLUSIONS = ("phase", "alarm", "estimate", "residual", "threshold")
+
+
+def test_same_settings_give_the_same_bits(bag: Path, record: RunRecord) -> None:
+    """A bag is enough to reproduce every conclusion of its run, bit for bit."""
+    again = replay(bag)
+    for name in CONCLUSIONS:
+        assert getattr(again, name).tobytes() == getattr(record, name).tobytes()
+    assert again.designs == record.designs
+    assert repr(again.alarms) == repr(record.alarms)
+    assert replace(summary(again), bag=bag) == summary(record)
+
+
+def test_other_detector(record: RunRecord) -> None:
+    """A detector that tolerates more raises no alarm on the same residuals, and the new setting is on record."""
+    deaf = replay(record, ["monitor.detector.options.margin=1000"])
+    assert deaf.residual.tobytes() == record.residual.tobytes()
+    assert not deaf.alarm.any()
+    assert deaf.alarms == ()
+    assert "margin: 1000" in deaf.scenario_text
+    assert record.alarm.any()
+
+
+def test_wrong_settings_are_named(record: RunRecord) -> None:
+    """Only the monitors can be changed afterwards, and only to what exists."""
+    with pytest.raises(BagError, match=r"override 'seed=3': a replay changes only monitor\.observer and \.detector"):
+        replay(record, ["seed=3"])
+    with pytest.raises(ScenarioError, match=r"monitor\.nothing"):
+        replay(record, ["monitor.nothing=1"])
+    with pytest.raises(MonitorError, match="'magic'"):
+        replay(record, ["monitor.observer.kind=magic"])
+
+
+def test_incomplete_bags_are_named(record: RunRecord) -> None:
+    """Without its scenario or a history a run cannot be monitored again."""
+    with pytest.raises(BagError, match=r"holds no scenario.yaml"):
+        replay(replace(record, attachments={}))
+    with pytest.raises(BagError, match="0 experiments of DGU 2, expected 1"):
+        replay(replace(record, histories=tuple(one for one in record.histories if one.dgu != 2)))
