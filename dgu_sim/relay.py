@@ -44,7 +44,9 @@ class Relay:
         state = RelayState(step=0, attacks=(), next_number=1)
         for plan in plans:
             start_step = first_step(plan.start_sec, self.sampling_period_sec)
-            stop_step = None if plan.stop_sec is None else first_step(plan.stop_sec, self.sampling_period_sec)
+            stop_step = None
+            if plan.stop_sec is not None:  # an attack that falls between two samples still has one
+                stop_step = max(start_step + 1, first_step(plan.stop_sec, self.sampling_period_sec))
             state, _ = self._schedule(state, plan, Origin.SCENARIO, start_step, stop_step)
         return state
 

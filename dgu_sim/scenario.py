@@ -1,7 +1,6 @@
 """A scenario: everything that defines a run, checked and frozen."""
 
 from collections.abc import Sequence
-from functools import cached_property
 from pathlib import Path
 from typing import Self
 
@@ -64,7 +63,7 @@ class Scenario(Frozen):
         """T_s in whole nanoseconds: the stamp of step k is k times this."""
         return round(self.sampling_period_sec * 1e9)
 
-    @cached_property
+    @property
     def grid(self) -> Grid:
         """Topology and parameters."""
         return Grid(
@@ -73,7 +72,7 @@ class Scenario(Frozen):
             lines=tuple(Line(between=line.between, resistance_ohm=line.resistance_ohm) for line in self.lines),
         )
 
-    @cached_property
+    @property
     def links(self) -> tuple[Link, ...]:
         """Directed communication links, by target, then source: the order of every array axis "links"."""
         return links_of([line.between for line in self.lines])

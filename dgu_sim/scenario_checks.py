@@ -1,74 +1,25 @@
 """What must hold between the sections of a scenario."""
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import TYPE_CHECKING
 
 from dgu_sim.errors import AttackError
 from dgu_sim.grid import Grid, Link
 from dgu_sim.model import finding
 from dgu_sim.plant import Coupling
-from dgu_sim.settings import (
-    AttackSettings,
-    DguSettings,
-    HistoryPlant,
-    HistorySettings,
-    LineSettings,
-    MonitorSettings,
-    SecondarySettings,
-)
+from dgu_sim.settings import HistoryPlant
 from dgu_sim.stability import closed_loop, largest_stable_gain, sampled_grid, spectral_radius
 
-__all__ = ["Checked", "check_parts", "check_stability"]
+if TYPE_CHECKING:
+    from dgu_sim.scenario import Scenario
+
+__all__ = ["check_parts", "check_stability"]
 
 LINE_TIME_SHARE = 0.1
 """Lines count as quasi-stationary when L/R is at most this share of T_s; G's reach 0.6 %."""
 
 
-class Checked(Protocol):
-    """The parts of a scenario that are checked against one another."""
-
-    @property
-    def sampling_period_sec(self) -> float:
-        """T_s."""
-        ...
-
-    @property
-    def coupling(self) -> Coupling:
-        """Coupling of the DGUs."""
-        ...
-
-    @property
-    def dgus(self) -> tuple[DguSettings, ...]:
-        """The DGUs."""
-        ...
-
-    @property
-    def lines(self) -> tuple[LineSettings, ...]:
-        """The lines."""
-        ...
-
-    @property
-    def secondary(self) -> SecondarySettings:
-        """Secondary control."""
-        ...
-
-    @property
-    def history(self) -> HistorySettings:
-        """The offline experiment."""
-        ...
-
-    @property
-    def monitor(self) -> MonitorSettings:
-        """Observer and detector."""
-        ...
-
-    @property
-    def attacks(self) -> tuple[AttackSettings, ...]:
-        """Scheduled attacks."""
-        ...
-
-
-def check_parts(scenario: Checked) -> None:
+def check_parts(scenario: "Scenario") -> None:
     """Check that ids, lines, links and times fit together; raises what `dgu_sim.model.finding` returns."""
     _check_ids([dgu.id for dgu in scenario.dgus])
     _check_lines(scenario)
@@ -77,7 +28,7 @@ def check_parts(scenario: Checked) -> None:
         raise finding(("history", "plant"), "joint", "expected own: with coupling isolated there is no joint grid")
 
 
-def check_stability(scenario: Checked, grid: Grid) -> None:
+def check_stability(scenario: "Scenario", grid: Grid) -> None:
     """Check that the sampled closed loop of the whole grid is stable; raises what `finding` returns."""
     A, E = sampled_grid(grid, scenario.coupling, scenario.sampling_period_sec)
     radius = spectral_radius(A)
@@ -107,7 +58,7 @@ def _check_ids(ids: Sequence[int]) -> None:
             raise finding(("dgus", index, "id"), ids[index], f"expected an id above {ids[index - 1]}: ids ascend")
 
 
-def _check_lines(scenario: Checked) -> None:
+def _check_lines(scenario: "Scenario") -> None:
     ids = [dgu.id for dgu in scenario.dgus]
     seen: set[frozenset[int]] = set()
     for index, line in enumerate(scenario.lines):
@@ -128,7 +79,7 @@ def _check_lines(scenario: Checked) -> None:
             raise finding(("lines", index, "inductance_h"), line.inductance_h, expected)
 
 
-def _check_attacks(scenario: Checked) -> None:
+def _check_attacks(scenario: "Scenario") -> None:
     links = {Link(a, b) for line in scenario.lines for a, b in (line.between, line.between[::-1])}
     ready = scenario.monitor.detector.calibrated_sec
     for index, attack in enumerate(scenario.attacks):

@@ -67,7 +67,7 @@ def unit_of(scenario: Scenario, dgu: int) -> Unit:
         cell=Cell(
             plant=plant_of(grid, scenario.coupling, scenario.sampling_period_sec, dgu),
             consensus=consensus_of(grid, rated, step_gain, dgu) if scenario.secondary.enabled else None,
-            exogenous=_exogenous(scenario, dgu, scenario.seed),
+            exogenous=_exogenous(scenario, dgu, (scenario.seed,))[0],
             reference=settings.reference_v,
         ),
     )
@@ -82,7 +82,7 @@ def cell_of_all(scenario: Scenario, seeds: Sequence[int]) -> Cell:
         plant=plant_of_all(grid, scenario.coupling, scenario.sampling_period_sec),
         consensus=consensus_of_all(grid, rated, step_gain) if scenario.secondary.enabled else None,
         exogenous=GridExogenous(
-            members=tuple(tuple(_exogenous(scenario, dgu, seed) for dgu in grid.dgus) for seed in seeds)
+            members=tuple(zip(*(_exogenous(scenario, dgu, seeds) for dgu in grid.dgus), strict=True))
         ),
         reference=stack([one.reference_v for one in scenario.dgus]),
     )
@@ -104,15 +104,20 @@ def equilibrium(scenario: Scenario, dgu: int) -> tuple[float, float, float]:
     return V, I_t, -((p.k1 - 1.0) * V + (p.k2 - p.R_t) * I_t) / p.k3
 
 
-def _exogenous(scenario: Scenario, dgu: int, seed: int) -> DguExogenous:
+def _exogenous(scenario: Scenario, dgu: int, seeds: Sequence[int]) -> tuple[DguExogenous, ...]:
+    """Return the signals of one DGU in the run of each seed."""
     settings = scenario.dgu(dgu)
     given = settings.initial_state
-    return DguExogenous(
-        seed=seed,
-        dgu=dgu,
-        loads=settings.load,
-        noise=None if isinstance(scenario.noise, NoNoise) else scenario.noise,
-        initial_state=equilibrium(scenario, dgu) if isinstance(given, str) else given,
-        initial_spread=settings.initial_spread,
-        sampling_period_sec=scenario.sampling_period_sec,
+    initial_state = equilibrium(scenario, dgu) if isinstance(given, str) else given
+    return tuple(
+        DguExogenous(
+            seed=seed,
+            dgu=dgu,
+            loads=settings.load,
+            noise=None if isinstance(scenario.noise, NoNoise) else scenario.noise,
+            initial_state=initial_state,
+            initial_spread=settings.initial_spread,
+            sampling_period_sec=scenario.sampling_period_sec,
+        )
+        for seed in seeds
     )

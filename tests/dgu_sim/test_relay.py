@@ -52,6 +52,13 @@ def test_scheduled_attack_affects_start_to_stop_and_reports_both() -> None:
     assert state.attacks == ()
 
 
+def test_attack_between_two_samples_has_one() -> None:
+    """A window shorter than T_s affects the next sample, and START comes before STOP."""
+    _, attacked, events = _run(RELAY.init([_plan(0.031, 0.035)]), 7)
+    assert attacked == [False] * 4 + [True] + [False] * 2
+    assert [(event.step, event.action) for event in events] == [(4, Action.START), (5, Action.STOP)]
+
+
 def test_other_links_stay_clean() -> None:
     """An attack on 1-2 changes nothing on the links of others."""
     state = RELAY.init([_plan(0.0)])
