@@ -1,0 +1,19 @@
+"""Unknown inputs reconstructed from outputs alone (Shi, Lian and Jones: UIE)."""
+
+from monitor.input_reconstruction.designing import CLOSED_LOOP, OPEN_LOOP, Fit, InputOptions, Poles, design
+from monitor.input_reconstruction.realisation import Gains, impose, realise
+from monitor.input_reconstruction.report import InputDesign, InputReport
+
+__all__ = [
+    "CLOSED_LOOP",
+    "OPEN_LOOP",
+    "Fit",
+    "Gains",
+    "InputDesign",
+    "InputOptions",
+    "InputReport",
+    "Poles",
+    "design",
+    "impose",
+    "realise",
+]
