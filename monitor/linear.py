@@ -65,6 +65,16 @@ def select(condition: Flag, chosen: Component, other: Component) -> Component:
     return np.where(condition, chosen, other)
 
 
+def anywhere(flag: Flag) -> bool:
+    """Tell whether a condition holds for any run or link: where it holds for none, its branch need not be computed."""
+    return bool(flag.any()) if isinstance(flag, np.ndarray) else bool(flag)
+
+
+def everywhere(flag: Flag) -> bool:
+    """Tell whether a condition holds for every run and link."""
+    return bool(flag.all()) if isinstance(flag, np.ndarray) else bool(flag)
+
+
 def larger(first: Component, second: Component) -> Component:
     """Take the larger component; a NaN in `second` leaves `first`."""
     return select(first < second, second, first)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from monitor.detectors.protocol import Phase
 from monitor.errors import MonitorError
-from monitor.linear import is_finite, is_missing, select
+from monitor.linear import anywhere, everywhere, is_finite, is_missing, select
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -96,7 +96,7 @@ class LinkMonitor:
         usable = delivered
         for component in sent:
             usable = usable & is_finite(component)
-        if usable is not True:
+        if not everywhere(usable):
             sent = tuple([select(usable, component, nan) for component in sent])
         following, estimate = observer.step(_awake(observer, state.observer, sent), (), sent)
         if self.blind:
@@ -126,7 +126,7 @@ def _awake(observer: Observer, state: Vector, y: Sequence[Component]) -> Vector:
     NaN spreads to every component in one step, so the first one tells.
     """
     waiting: Flag = is_missing(state[0]) if len(state) else False
-    if waiting is False:
+    if not anywhere(waiting):
         return state
     start = observer.init((), y)
     return tuple([select(waiting, fresh, kept) for fresh, kept in zip(start, state, strict=True)])

@@ -11,7 +11,7 @@ from pydantic.dataclasses import dataclass as checked_dataclass
 
 from monitor.detectors.protocol import Phase, Verdict
 from monitor.errors import MonitorError
-from monitor.linear import is_missing, larger, select
+from monitor.linear import anywhere, is_missing, larger, select
 from monitor.options import parse_options
 
 if TYPE_CHECKING:
@@ -95,7 +95,7 @@ class FixedDetector:
         for value, limit in zip(magnitude, state.threshold, strict=True):
             alarm = alarm | (value > limit)
         following = FixedState(age, state.learned, state.peak, state.threshold)
-        if learning is not False:
+        if anywhere(learning):
             following = self._learn(following, learning, magnitude)
         phase = Phase.SETTLING.value + learning + 2 * armed
         return following, Verdict(phase, following.threshold, armed & alarm)
