@@ -1,0 +1,45 @@
+"""The wheel of the root distribution: what `pip install .` gives to those who do not work in the checkout."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[1]
+PACKAGES = ("bags", "dgu_sim", "monitor")
+ALSO_NEEDED = ("ros_ws/src/dcmg_msgs", "pyproject.toml", "README.md", "LICENSE")
+
+
+@pytest.fixture(scope="module")
+def wheel_files(tmp_path_factory: pytest.TempPathFactory) -> set[str]:
+    """Build the wheel from a copy of the tree, links kept as links, and list what is in it."""
+    tree, wheels = tmp_path_factory.mktemp("tree"), tmp_path_factory.mktemp("wheels")
+    for name in (*PACKAGES, *ALSO_NEEDED):
+        source, target = ROOT / name, tree / name
+        if source.is_dir():
+            shutil.copytree(source, target, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
+        else:
+            shutil.copy2(source, target)
+    pip = (sys.executable, "-m", "pip", "wheel", "--quiet", "--no-deps", "--no-build-isolation")
+    subprocess.run([*pip, "--wheel-dir", wheels, tree], check=True)
+    with zipfile.ZipFile(next(wheels.glob("dcmg-*.whl"))) as wheel:
+        return set(wheel.namelist())
+
+
+def test_wheel_holds_every_module(wheel_files: set[str]) -> None:
+    """No module of the three packages is left out, as one in a folder without __init__.py would be."""
+    modules = {str(path.relative_to(ROOT)) for package in PACKAGES for path in (ROOT / package).rglob("*.py")}
+    assert modules <= wheel_files
+    assert {f"{package}/py.typed" for package in PACKAGES} <= wheel_files
+
+
+def test_wheel_holds_the_message_definitions(wheel_files: set[str]) -> None:
+    """The link bags/msg becomes real files: bags are written and read without the ROS workspace."""
+    messages = {f"bags/msg/{path.name}" for path in (ROOT / "ros_ws/src/dcmg_msgs/msg").glob("*.msg")}
+    assert messages
+    assert messages <= wheel_files
