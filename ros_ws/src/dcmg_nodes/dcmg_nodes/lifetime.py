@@ -30,6 +30,10 @@ class Lifetime:
         self.failure = self.failure or f"{node}: {reason}"
         self._end()
 
+    def interrupt(self) -> None:
+        """End the process early, without a failure."""
+        self._end()
+
     def _end(self) -> None:
         if not self.over.done():
             self.over.set_result(None)

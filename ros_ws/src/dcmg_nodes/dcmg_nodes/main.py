@@ -15,7 +15,7 @@ from bags.writer import BagWriter
 from dgu_sim.experiment import run_experiments
 from dgu_sim.simulate import relay_of
 from dgu_sim.unit import unit_of
-from rclpy.executors import ExternalShutdownException
+from rclpy.signals import SignalHandlerOptions
 
 from dcmg_nodes.attacker_node import AttackerNode
 from dcmg_nodes.clock_node import ClockConfig, ClockNode
@@ -36,6 +36,7 @@ if TYPE_CHECKING:
     from dcmg_nodes.ports import Ports
 
 _PR_SET_PDEATHSIG = 1
+_SIGNAL_CHECK_SEC = 0.1
 _STALL_PERIODS = 5
 
 
@@ -58,7 +59,10 @@ def run_nodes(names: Sequence[str], scenario: Scenario, options: NodeOptions) ->
         if name not in wiring.nodes:
             raise NodeError(f"{name}: no such node; scenario {scenario.name} has {', '.join(wiring.nodes)}")
     lifetime = Lifetime(tuple(names))
-    rclpy.init()
+    # A KeyboardInterrupt could hit in the middle of a step: take signals between callbacks instead.
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: lifetime.interrupt())
     try:
         with ExitStack() as stack:
             builder = _Builder(scenario, options, wiring, lifetime, stack)
@@ -67,9 +71,8 @@ def run_nodes(names: Sequence[str], scenario: Scenario, options: NodeOptions) ->
             stack.callback(executor.shutdown)
             for other in ports[1:]:
                 executor.add_node(other.node)
+            ports[0].node.create_timer(_SIGNAL_CHECK_SEC, lambda: None)  # Python sees signals between callbacks only
             spin_until(executor, lifetime.over)
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass  # the way to end a node early; the recorder has closed its bag on the way out
     finally:
         rclpy.try_shutdown()
     return lifetime.failure
