@@ -89,7 +89,7 @@ def decide_rank(data: DataMatrices, options: RankOptions) -> RankDecision:
     values = np.pad(values, (0, n - len(values)))
     scale = float(np.linalg.norm(data.X_f, 2) / np.sqrt(data.columns))
     seen = int(np.count_nonzero(values > options.relative_tolerance * scale))
-    if seen < n and (options.unknown_inputs is None or options.unknown_inputs >= seen):
+    if seen < n:
         verdict = _exact(values, seen, options.unknown_inputs)
     elif options.unknown_inputs is not None:
         verdict = _known(values, options.unknown_inputs)
@@ -129,12 +129,9 @@ def _exact(values: NDArray[np.float64], seen: int, known: int | None) -> _Verdic
     """Data without noise: the rank is what stands above rounding."""
     gap = np.inf if seen == 0 or values[seen] == 0.0 else values[seen - 1] / values[seen]
     if known is not None and known != seen:
-        return (
-            None,
-            RankBasis.EXACT,
-            1.0,
-            (f"not exciting: the history shows {seen} of the {known} unknown inputs; vary all of them"),
-        )
+        fix = "vary all of them" if known > seen else "give the right number"
+        reason = f"unknown_inputs is {known}, but exact data show {seen}: not exciting, or another number; {fix}"
+        return None, RankBasis.EXACT, 1.0, reason
     if gap < _EXACT_GAP:
         return (
             None,

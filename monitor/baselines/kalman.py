@@ -27,5 +27,5 @@ def kalman(model: Model, disturbance_std: NDArray[np.float64], noise_std: NDArra
     A, E, C = model.A, model.E, model.C
     Q, R = E @ np.diag(disturbance_std**2) @ E.T, np.diag(noise_std**2)
     P = solve_discrete_are(A.T, C.T, Q, R)
-    L = np.linalg.solve(C @ P @ C.T + R, C @ P @ A.T).T
+    L = np.asarray(np.linalg.solve(C @ P @ C.T + R, C @ P @ A.T).T)
     return predictor(A, np.hstack([model.B, E]), C, L)

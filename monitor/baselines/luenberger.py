@@ -22,4 +22,4 @@ def luenberger(model: Model, decay: float) -> LinearObserver:
     scaled, output = model.A.T / decay, model.C.T
     X = solve_discrete_are(scaled, output, np.eye(len(model.A)), np.eye(len(model.C)))
     gain = np.linalg.solve(np.eye(len(model.C)) + model.C @ X @ output, model.C @ X @ scaled)
-    return predictor(model.A, np.hstack([model.B, model.E]), model.C, decay * gain.T)
+    return predictor(model.A, np.hstack([model.B, model.E]), model.C, np.asarray(decay * gain.T))

@@ -51,7 +51,7 @@ def decoupling_gains(model: Model, decay: float, Y: NDArray[np.float64] | None =
     scaled, output = (T @ A).T / decay, C.T
     X = solve_discrete_are(scaled, output, np.eye(len(A)), np.eye(len(C)))
     K = decay * np.linalg.solve(np.eye(len(C)) + C @ X @ output, C @ X @ scaled).T
-    return UioGains(H=H, K=K)
+    return UioGains(H=H, K=np.asarray(K))
 
 
 def model_based_uio(model: Model, gains: UioGains) -> LinearObserver:

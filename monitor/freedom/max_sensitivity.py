@@ -49,7 +49,8 @@ def max_sensitivity(problem: Problem, options: FreedomOptions) -> NDArray[np.flo
     base, directions = fixed
     observers = [problem.build(base), *(problem.build(base + direction) for direction in directions)]
     gains = _affine([_steady_gain(observer) for observer in observers])
-    noise = _affine([_noise_factor(observer) for observer in observers])
+    root = _root_gramian(observers[0])  # A and H are the same for all of them
+    noise = _affine([_noise_factor(observer, root) for observer in observers])
     visible = _visible(gains)
     if not visible.shape[1]:
         return Refusal("max_sensitivity: no choice of Q makes any constant bias visible")
@@ -95,11 +96,15 @@ def _steady_gain(observer: LinearObserver) -> NDArray[np.float64]:
     return np.asarray(observer.J[:, m:] + observer.H @ rest)
 
 
-def _noise_factor(observer: LinearObserver) -> NDArray[np.float64]:
+def _root_gramian(observer: LinearObserver) -> NDArray[np.float64]:
+    """O^(1/2) (q, q) of O = A' O A + H' H."""
+    values, vectors = np.linalg.eigh(solve_discrete_lyapunov(observer.A.T, observer.H.T @ observer.H))
+    return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
+
+
+def _noise_factor(observer: LinearObserver, root: NDArray[np.float64]) -> NDArray[np.float64]:
     """F with |F|_F^2 the summed variances of the residual under unit white noise on y."""
-    m, A, H = observer.inputs, observer.A, observer.H
-    values, vectors = np.linalg.eigh(solve_discrete_lyapunov(A.T, H.T @ H))
-    root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+    m = observer.inputs
     return np.vstack([observer.J[:, m:], root @ observer.B[:, m:]])
 
 
@@ -116,7 +121,7 @@ def _minimum_norm_noise(problem: Problem) -> float | None:
     observer = problem.build(problem.acceptors.W0)
     if np.max(np.abs(np.linalg.eigvals(observer.A)), initial=0.0) >= 1.0:
         return None
-    return float(np.linalg.norm(_noise_factor(observer)))
+    return float(np.linalg.norm(_noise_factor(observer, _root_gramian(observer))))
 
 
 def _solve(gains: _Affine, noise: _Affine, visible: NDArray[np.float64], budget: float) -> NDArray[np.float64] | None:

@@ -79,6 +79,56 @@ def dgu_plant(number: int) -> Plant:
     return Plant(A=sampled[:3, :3], B=np.zeros((3, 0)), E=sampled[:3, 3:], C=np.eye(3))
 
 
+def random_plant(seed: int) -> Plant:
+    """Random plant: n to 8, p to n, m_d to p, m to 2; stable or not; a quarter of them break rank CE = rank E."""
+    generator = np.random.default_rng(seed)
+    n = int(generator.integers(2, 9))
+    p = int(generator.integers(1, n + 1))
+    m_d, m = int(generator.integers(0, min(p, n - 1) + 1)), int(generator.integers(0, 3))
+    A = generator.standard_normal((n, n))
+    A *= generator.uniform(0.5, 1.3) / np.max(np.abs(np.linalg.eigvals(A)))
+    B, C, E = (generator.standard_normal(shape) for shape in ((n, m), (p, n), (n, m_d)))
+    if generator.integers(0, 4) == 0 and m_d and p < n:
+        E[:, 0] = (np.eye(n) - np.linalg.pinv(C) @ C) @ generator.standard_normal(n)
+    return Plant(A=A, B=B, E=E, C=C)
+
+
+def observer_exists(plant: Plant) -> bool:
+    """The model-based conditions: rank CE = rank E, and no zero of [zI - A, -E; C, 0] with |z| >= 1."""
+    A, E, C = plant.A, plant.E, plant.C
+    n, m_d = E.shape
+    if m_d and np.linalg.matrix_rank(C @ E, tol=1e-8) < m_d:
+        return False
+    # Zeros are among the eigenvalues of the decoupled A: test the pencil there.
+    candidates = np.linalg.eigvals(A - E @ np.linalg.pinv(C @ E) @ C @ A)
+    for z in candidates[np.abs(candidates) >= 1.0]:
+        pencil = np.block([[z * np.eye(n) - A, -E], [C, np.zeros((len(C), m_d))]])
+        if np.linalg.svd(pencil, compute_uv=False)[-1] < 1e-7:
+            return False
+    return True
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RandomCase:
+    """A random plant, whether an observer exists for it, and an exact history of it."""
+
+    seed: int
+    plant: Plant
+    exists: bool
+    history: History
+
+
+@pytest.fixture(scope="session")
+def random_cases() -> list[RandomCase]:
+    """200 random plants with six short experiments each: short ones keep unstable plants in range."""
+    cases = []
+    for seed in range(200):
+        plant = random_plant(seed)
+        history = plant.history(np.random.default_rng(seed + 1000), samples=12, experiments=6)
+        cases.append(RandomCase(seed=seed, plant=plant, exists=observer_exists(plant), history=history))
+    return cases
+
+
 @pytest.fixture
 def dgu() -> Callable[[int], Plant]:
     """Make an isolated DGU by its number."""

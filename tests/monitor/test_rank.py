@@ -77,7 +77,7 @@ def test_unexcited_unknown_input_is_noticed(dgu: Callable[[int], Plant]) -> None
     y, x = plant.run(generator.uniform(-1.0, 1.0, 3), np.zeros((30, 0)), d)
     decision = decide_rank(data_matrices(single(np.zeros((30, 0)), y, x, 0.01)), RankOptions(unknown_inputs=2))
     assert decision.unknown_inputs is None
-    assert "shows 1 of the 2 unknown inputs" in decision.reason
+    assert "unknown_inputs is 2, but exact data show 1: not exciting" in decision.reason
 
 
 def test_states_that_move_together_are_not_exciting() -> None:
@@ -87,3 +87,10 @@ def test_states_that_move_together_are_not_exciting() -> None:
     x[:, 2] = 2.0 * x[:, 1]
     with pytest.raises(HistoryError, match="rank 2, expected 3"):
         decide_rank(data_matrices(single(np.zeros((30, 0)), x, x, 0.01)), RankOptions())
+
+
+def test_too_small_a_number_is_contradicted_by_exact_data(dgu_history: Callable[..., History]) -> None:
+    """Told of one unknown input while the data show two: a design would alarm on the other one."""
+    decision = decide_rank(data_matrices(dgu_history(1)), RankOptions(unknown_inputs=1))
+    assert decision.unknown_inputs is None
+    assert "give the right number" in decision.reason
