@@ -13,9 +13,9 @@ from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from bags.cdr import Layout
+from bags.chunk import MESSAGE_HEAD, MESSAGE_HEAD_LENGTH
 from bags.codecs import NANOSECONDS_PER_SECOND
 from bags.errors import BagError
-from bags.mcap_file import MESSAGE_HEAD, MESSAGE_HEAD_LENGTH
 from bags.topic import Topic
 
 _HEAD = np.dtype(

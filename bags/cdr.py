@@ -4,9 +4,11 @@ A message is 4 bytes of encapsulation (`00 01 00 00`: plain CDR, little endian) 
 to its own size counted from behind the encapsulation. Every length of ours is known once the one string (frame_id) is.
 """
 
+import re
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import cache, partial
 from typing import Any, cast, final
 
 import numpy as np
@@ -47,54 +49,31 @@ class Layout:
         names: Dotted names of the fields that `pack` takes and `unpack` gives, in order; an array counts once.
         dtype: The whole message, encapsulation included, as a numpy record with the dotted names as fields; the
             string's length and bytes are `<name>.length` and `<name>`, the encapsulation is `encapsulation`.
+        pack: From one number for each field in definition order, the string left out and arrays element by element,
+            to the bytes on the wire.
+        unpack: From the bytes on the wire to the numbers that `pack` takes; raises BagError when the message has
+            another length or encoding.
     """
 
     type_name: str
     text: str
     names: tuple[str, ...]
     dtype: np.dtype[np.void]
-    _codec: struct.Struct = field(repr=False)
-    _text_bytes: bytes = field(repr=False)
-    _text_at: int = field(repr=False)
+    pack: Callable[..., bytes] = field(repr=False, compare=False)
+    unpack: Callable[[bytes], tuple[Any, ...]] = field(repr=False, compare=False)
+    _numbers: int = field(repr=False)
 
     @property
     def size(self) -> int:
         """Length of the message in bytes."""
-        return self._codec.size
-
-    def pack(self, *values: object) -> bytes:
-        """Bytes on the wire.
-
-        Args:
-            values: One scalar for each field in definition order, the string left out, arrays element by element.
-        """
-        at = self._text_at
-        return self._codec.pack(ENCAPSULATION, *values[:at], self._text_bytes, *values[at:])
-
-    def unpack(self, data: bytes) -> tuple[Any, ...]:
-        """The values that `pack` takes.
-
-        Raises:
-            BagError: The message has another length or encoding.
-        """
-        if len(data) != self._codec.size or not data.startswith(ENCAPSULATION):
-            raise BagError(
-                f"{self.type_name}: found {len(data)} bytes starting with {data[:4].hex(' ')}, "
-                f"expected {self.size} starting with {ENCAPSULATION.hex(' ')}"
-            )
-        values = self._codec.unpack(data)
-        at = self._text_at + 1
-        return values[1:at] + values[at + 1 :]
+        return self.dtype.itemsize
 
     def template(self, count: int) -> NDArray[np.void]:
         """A block of messages with the constant parts filled in and everything else zero, shape (count,)."""
-        zeros = (0,) * (self._codec_values() - 2)
-        return np.frombuffer(bytearray(self.pack(*zeros) * count), dtype=self.dtype)
-
-    def _codec_values(self) -> int:
-        return len(self._codec.unpack(bytes(self._codec.size)))
+        return np.frombuffer(bytearray(self.pack(*(0,) * self._numbers) * count), dtype=self.dtype)
 
 
+@cache
 def layout_of(type_name: str, text: str = "") -> Layout:
     """Layout of a message type whose one string field, if any, always holds `text`.
 
@@ -115,17 +94,47 @@ def layout_of(type_name: str, text: str = "") -> Layout:
     if len(builder.texts) > 1:
         raise BagError(f"{type_name}: found the strings {', '.join(builder.texts)}, expected at most one")
     spec = {"names": builder.names, "formats": builder.formats, "offsets": builder.offsets, "itemsize": builder.end}
-    text_bytes = struct.pack("<I", len(encoded)) + encoded if builder.texts else b""
+    text_bytes = struct.pack("<I", len(encoded)) + encoded if builder.texts else None
     return Layout(
         type_name=type_name,
         text=text if builder.texts else "",
         names=tuple(builder.packed),
         # numpy's stubs know this dictionary form only as an unnamed protocol
         dtype=cast("np.dtype[np.void]", np.dtype(spec)),  # type: ignore[call-overload]
-        _codec=struct.Struct(builder.code if builder.texts else builder.code + "0s"),
-        _text_bytes=text_bytes,
-        _text_at=builder.text_at if builder.texts else builder.values,
+        pack=_packer(builder.code, text_bytes, builder.text_at),
+        unpack=_unpacker(type_name, builder.code),
+        _numbers=builder.values,
     )
+
+
+# These run for every message of every node: closures, because looking attributes up would double their time.
+def _packer(code: str, text: bytes | None, at: int) -> Callable[..., bytes]:
+    pack = struct.Struct(code).pack
+    if text is None:
+        return partial(pack, ENCAPSULATION)
+
+    def pack_with_text(*values: object) -> bytes:
+        arguments = [ENCAPSULATION, *values]
+        arguments.insert(at + 1, text)
+        return pack(*arguments)
+
+    return pack_with_text
+
+
+def _unpacker(type_name: str, code: str) -> Callable[[bytes], tuple[Any, ...]]:
+    # the encapsulation and the string are constant: skip their bytes
+    codec = struct.Struct(re.sub(r"(\d+)s", r"\1x", code))
+    unpack_values, size = codec.unpack, codec.size
+
+    def unpack(data: bytes) -> tuple[Any, ...]:
+        if len(data) != size or not data.startswith(ENCAPSULATION):
+            raise BagError(
+                f"{type_name}: found {len(data)} bytes starting with {data[:4].hex(' ')}, "
+                f"expected {size} starting with {ENCAPSULATION.hex(' ')}"
+            )
+        return unpack_values(data)
+
+    return unpack
 
 
 class _Builder:

@@ -4,7 +4,6 @@ Nodes, the offline simulation and the reader all go through these, so their byte
 topic and the constant numbers of its messages; steps become stamps of `step * period_ns` nanoseconds.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, final
 
@@ -87,8 +86,8 @@ class StateCodec:
 
     def decode(self, data: bytes) -> tuple[int, Physical]:
         """Step and what a coupled DGU may know."""
-        _, _, step, _, *x, load_current, reference, _ = self.layout.unpack(data)
-        return step, Physical(x=tuple(x), load_current=load_current, reference=reference)
+        _, _, step, _, V, I_t, v, load_current, reference, _ = self.layout.unpack(data)
+        return step, Physical(x=(V, I_t, v), load_current=load_current, reference=reference)
 
 
 @final
@@ -107,8 +106,8 @@ class OutputCodec:
 
     def decode(self, data: bytes) -> tuple[int, Sample]:
         """Step and sample."""
-        _, _, step, _, delivered, *y = self.layout.unpack(data)
-        return step, Sample(y=tuple(y), delivered=delivered)
+        _, _, step, _, delivered, V, I_t, v = self.layout.unpack(data)
+        return step, Sample(y=(V, I_t, v), delivered=delivered)
 
 
 @final
@@ -139,8 +138,9 @@ class ResidualCodec:
     def decode(self, data: bytes) -> tuple[int, MonitorOutput]:
         """Step and verdict."""
         _, _, step, _, _, phase, alarm, *numbers = self.layout.unpack(data)
-        estimate, residual, threshold = (tuple(numbers[at : at + 3]) for at in (0, 3, 6))
-        return step, MonitorOutput(phase=phase, alarm=alarm, estimate=estimate, residual=residual, threshold=threshold)
+        return step, MonitorOutput(
+            phase=phase, alarm=alarm, estimate=numbers[:3], residual=numbers[3:6], threshold=numbers[6:]
+        )
 
 
 @final
@@ -173,10 +173,6 @@ class AlarmCodec:
             source=source,
             monitor=monitor,
             active=active,
-            residual=_triple(numbers[:3]),
-            threshold=_triple(numbers[3:]),
+            residual=tuple(numbers[:3]),
+            threshold=tuple(numbers[3:]),
         )
-
-
-def _triple(numbers: Sequence[float]) -> tuple[float, ...]:
-    return tuple(numbers)

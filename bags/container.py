@@ -19,13 +19,13 @@ from mcap.stream_reader import get_chunk_data_stream
 from mcap.summary import Summary
 from numpy.typing import NDArray
 
+from bags.chunk import MESSAGE_HEAD, MESSAGE_HEAD_LENGTH
 from bags.errors import BagError
-from bags.mcap_file import MESSAGE_HEAD, MESSAGE_HEAD_LENGTH
 from bags.metadata import METADATA_FILE, ROOT_KEY
+from bags.yaml_text import load
 
 _RECORD_HEAD = struct.Struct("<BQ")
 _MESSAGE_INDEX_HEAD = struct.Struct("<HI")
-_YamlLoader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)  # PyYAML may come without its C part
 
 
 @final
@@ -178,7 +178,7 @@ def _information(path: Path) -> dict[str, Any]:
             )
         raise BagError(f"{path}: holds no {METADATA_FILE}, expected a rosbag2 directory")
     try:
-        document = yaml.load(file.read_text("utf-8"), _YamlLoader)  # noqa: S506 - a safe loader
+        document = load(file.read_text("utf-8"))
     except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
         raise BagError(f"{file}: cannot be read as YAML ({' '.join(str(error).split())})") from error
     information = document.get(ROOT_KEY) if isinstance(document, dict) else None

@@ -11,6 +11,39 @@ from dgu_sim.experiment import run_experiments
 from dgu_sim.scenario import Scenario
 
 
+def histories_of_run(scenario: Scenario, dgu: int) -> list[HistoryRecord]:
+    """The history of one DGU that the monitors of a run are designed from: recorded, or from an experiment done now.
+
+    Args:
+        scenario: Its `history` section says which.
+        dgu: Number of the DGU.
+
+    Raises:
+        BagError: The bag of histories cannot be read or holds none of this DGU.
+        dgu_sim.errors.ScenarioError: The scenario has no such DGU.
+    """
+    if scenario.history.bag is None:
+        return history_records(dgu, run_experiments(scenario, dgu))
+    return read_histories(Path(scenario.history.bag), dgu)
+
+
+def read_histories(path: Path, dgu: int) -> list[HistoryRecord]:
+    """The recorded experiments on one DGU, in a bag of histories or of a run.
+
+    Raises:
+        BagError: The bag cannot be read or holds no history of this DGU.
+    """
+    codec = HistoryCodec(topic=history_topic(dgu), dgu=dgu)
+    container = open_container(path)
+    channels = [number for number, name in container.topics.items() if name == codec.topic.name]
+    payloads = [
+        payload for _, view in container.chunks() for number in channels for payload in view.payloads(int(number))
+    ]
+    if not payloads:
+        raise BagError(f"{path}: expected a history of DGU {dgu} on {codec.topic.name}, found none")
+    return [codec.decode(bytes(payload)) for payload in payloads]
+
+
 def write_histories(scenario: Scenario, dgus: Sequence[int], path: Path) -> Path:
     """Run the offline experiments of some DGUs and record them on the topics of a run.
 

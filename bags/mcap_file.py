@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Protocol, cast, final
 
 import lz4.frame  # type: ignore[import-untyped] # lz4 ships no types
-import numpy as np
 import zstandard
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
@@ -33,12 +32,9 @@ from mcap.records import (
     SummaryOffset,
 )
 from mcap.writer import LIBRARY_IDENTIFIER, MCAP0_MAGIC
-from numpy.typing import NDArray
 
-# opcode, record length, channel id, sequence, log time [ns], publish time [ns]
-MESSAGE_HEAD = struct.Struct("<BQHIQQ")
-MESSAGE_HEAD_LENGTH = 22  # what of the head counts into the record length
-_MESSAGE_INDEX_HEAD = struct.Struct("<BQHI")
+from bags.chunk import OpenChunk
+
 _ZSTD_LEVEL = 1  # 1.5 times as fast as the default 3, and no larger on our data
 
 
@@ -52,53 +48,6 @@ class Compression(Enum):
 
 class _Record(Protocol):
     def write(self, stream: RecordBuilder) -> None: ...
-
-
-@final
-class OpenChunk:
-    """Messages that wait for their chunk to be closed."""
-
-    def __init__(self) -> None:
-        """Start empty."""
-        self.buffer = bytearray()
-        self.channel_ids: list[NDArray[np.uint16]] = []
-        self.entries: list[NDArray[np.uint64]] = []  # columns: log time [ns], offset in the chunk
-        self._single_ids: list[int] = []
-        self._single_entries: list[tuple[int, int]] = []
-
-    def add(self, channel_id: int, log_time: int, head: bytes, data: bytes) -> None:
-        """Append one message: its MCAP head and its payload."""
-        self._single_ids.append(channel_id)
-        self._single_entries.append((log_time, len(self.buffer)))
-        self.buffer += head
-        self.buffer += data
-
-    def extend(self, channel_ids: NDArray[np.uint16], entries: NDArray[np.uint64], records: memoryview) -> None:
-        """Append complete message records.
-
-        Args:
-            channel_ids: Channel of each message, shape (messages,).
-            entries: Log time [ns] and offset from the start of `records` of each message, shape (messages, 2).
-            records: The records.
-        """
-        self._gather()
-        entries[:, 1] += np.uint64(len(self.buffer))
-        self.channel_ids.append(channel_ids)
-        self.entries.append(entries)
-        self.buffer += records
-
-    def index(self) -> tuple[NDArray[np.uint16], NDArray[np.uint64]]:
-        """Channel ids (messages,) and entries (messages, 2), sorted by channel and then by position."""
-        self._gather()
-        channel_ids, entries = np.concatenate(self.channel_ids), np.concatenate(self.entries)
-        order = np.argsort(channel_ids, kind="stable")
-        return channel_ids[order], entries[order]
-
-    def _gather(self) -> None:
-        if self._single_ids:
-            self.channel_ids.append(np.array(self._single_ids, dtype=np.uint16))
-            self.entries.append(np.array(self._single_entries, dtype=np.uint64))
-            self._single_ids, self._single_entries = [], []
 
 
 @final
@@ -181,9 +130,8 @@ class McapFile:
 
     def add_chunk(self, chunk: OpenChunk) -> None:
         """Close a chunk: compress it, write it with its message indexes and hand all to the operating system."""
-        channel_ids, entries = chunk.index()
+        start_ns, end_ns = chunk.time_range_ns()
         data = self._compress(chunk.buffer)
-        start_ns, end_ns = int(entries[:, 0].min()), int(entries[:, 0].max())
         offset, length = self._append(
             Chunk(
                 compression=self._compression.value,
@@ -194,7 +142,7 @@ class McapFile:
                 uncompressed_size=len(chunk.buffer),
             )
         )
-        offsets, counts, index_records = _message_indexes(channel_ids, entries, offset + length)
+        offsets, counts, index_records = chunk.index_records(offset + length)
         self._stream.write(index_records)
         self.flush()
         index = ChunkIndex(
@@ -268,22 +216,6 @@ class McapFile:
             metadata_count=len(self._indexes[Opcode.METADATA_INDEX]),
             schema_count=len(self._definitions[Opcode.SCHEMA]),
         )
-
-
-def _message_indexes(
-    channel_ids: NDArray[np.uint16], entries: NDArray[np.uint64], position: int
-) -> tuple[dict[int, int], dict[int, int], bytes]:
-    """One MessageIndex record for each channel: where each lies in the file, how many messages it has, all bytes."""
-    starts = np.flatnonzero(np.diff(channel_ids, prepend=0)).tolist()
-    ends = [*starts[1:], len(channel_ids)]
-    raw = entries.astype("<u8", copy=False).tobytes()
-    offsets, counts, records = {}, {}, bytearray()
-    for start, end in zip(starts, ends, strict=True):
-        channel_id, size = int(channel_ids[start]), 16 * (end - start)
-        offsets[channel_id], counts[channel_id] = position + len(records), end - start
-        records += _MESSAGE_INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + size, channel_id, size)
-        records += raw[16 * start : 16 * end]
-    return offsets, counts, bytes(records)
 
 
 def _compressor(compression: Compression) -> Callable[[bytearray], bytes]:

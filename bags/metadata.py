@@ -2,12 +2,14 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cache
+from textwrap import indent
 from typing import final
 
-import yaml
-
+from bags.qos import Qos
 from bags.topic import Topic
 from bags.typestore import type_hash
+from bags.yaml_text import dump
 
 METADATA_FILE = "metadata.yaml"
 ROOT_KEY = "rosbag2_bagfile_information"
@@ -34,16 +36,8 @@ class BagInfo:
     end_ns: int
     custom: Mapping[str, str]
 
-    def to_yaml(self, *, root: bool) -> str:
-        """The document.
-
-        Args:
-            root: True: as in the file; false: without the outermost key, as in MCAP's metadata record.
-        """
-        information = self._information()
-        return str(yaml.safe_dump({ROOT_KEY: information} if root else information, sort_keys=False))
-
-    def _information(self) -> dict[str, object]:
+    def to_yaml(self) -> str:
+        """The document without its outermost key, as it stands in MCAP's metadata record."""
         total = sum(count for _, count in self.counts)
         span = {
             "duration": {"nanoseconds": self.end_ns - self.start_ns},
@@ -63,7 +57,7 @@ class BagInfo:
             }
             for topic, count in self.counts
         ]
-        return {
+        information = {
             "version": METADATA_VERSION,
             "storage_identifier": "mcap",
             **_copies(span),
@@ -76,11 +70,27 @@ class BagInfo:
             "custom_data": dict(self.custom) or None,
             "ros_distro": ROS_DISTRO,
         }
+        return dump(information)
+
+
+def whole_document(information: str) -> str:
+    """The document of metadata.yaml around what `BagInfo.to_yaml` gave."""
+    return f"{ROOT_KEY}:\n{indent(information, '  ')}"
 
 
 def offered_qos(topic: Topic) -> list[dict[str, object]]:
     """The QoS profiles of all publishers of a topic."""
     return [topic.qos.to_metadata() for _ in topic.publishers]
+
+
+def offered_qos_text(topic: Topic) -> str:
+    """The same as YAML, as it stands in the metadata of a channel."""
+    return _qos_text(topic.qos, len(topic.publishers))
+
+
+@cache
+def _qos_text(qos: Qos, publishers: int) -> str:
+    return dump([qos.to_metadata() for _ in range(publishers)]).strip()
 
 
 def _copies(span: Mapping[str, object]) -> dict[str, object]:

@@ -11,10 +11,10 @@ from mcap.opcode import Opcode
 from numpy.typing import NDArray
 
 from bags.cdr import Layout
+from bags.chunk import MESSAGE_HEAD, MESSAGE_HEAD_LENGTH
 from bags.codecs import NANOSECONDS_PER_SECOND
 from bags.container import ChunkView, Container, open_container, readable, record_dtype
 from bags.errors import BagError
-from bags.mcap_file import MESSAGE_HEAD, MESSAGE_HEAD_LENGTH
 from bags.records import AlarmRecord, DesignRecord, HistoryRecord
 from bags.run_record import RunRecord
 from bags.schema import RunTopics, run_topics

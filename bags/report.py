@@ -7,10 +7,10 @@ from pathlib import Path
 from typing import Any, final
 
 import numpy as np
-import yaml
 
 from bags.run_record import RunRecord
 from bags.schema import dgu_name
+from bags.yaml_text import load
 from dgu_sim.grid import Link
 from monitor.detectors import Phase
 from monitor.metrics import LinkMetrics, link_metrics
@@ -149,7 +149,7 @@ def measure(record: RunRecord, position: int) -> LinkMetrics:
 
 def _scenario(record: RunRecord) -> Mapping[str, object]:
     # only two keys are wanted, and a report must work for bags of scenarios that are no longer valid
-    document = yaml.safe_load(record.scenario_text) if record.scenario_text else None
+    document = load(record.scenario_text) if record.scenario_text else None
     return document if isinstance(document, dict) else {}
 
 

@@ -8,15 +8,15 @@ from types import TracebackType
 from typing import final
 
 import numpy as np
-import yaml
 from mcap.opcode import Opcode
 from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
 from numpy.typing import NDArray
 
 from bags.blocks import BlockFormat, block_format, head_field
+from bags.chunk import MESSAGE_HEAD, MESSAGE_HEAD_LENGTH, OpenChunk
 from bags.errors import BagError
-from bags.mcap_file import MESSAGE_HEAD, MESSAGE_HEAD_LENGTH, Compression, McapFile, OpenChunk
-from bags.metadata import METADATA_FILE, BagInfo, offered_qos
+from bags.mcap_file import Compression, McapFile
+from bags.metadata import METADATA_FILE, BagInfo, offered_qos_text, whole_document
 from bags.topic import Topic
 from bags.typestore import schema_text, type_hash
 
@@ -96,7 +96,7 @@ class BagWriter:
                 text = schema_text(topic.type_name).encode()
                 self._schema_ids[topic.type_name] = self._file.add_schema(topic.type_name, SchemaEncoding.ROS2, text)
             metadata = {
-                "offered_qos_profiles": yaml.safe_dump(offered_qos(topic), sort_keys=False).strip(),
+                "offered_qos_profiles": offered_qos_text(topic),
                 "topic_type_hash": type_hash(topic.type_name),
             }
             self._channel_ids[topic.name] = self._file.add_channel(
@@ -203,11 +203,12 @@ class BagWriter:
                 end_ns=end_ns,
                 custom=self._custom,
             )
+            information = info.to_yaml()
             with self._disk():
-                self._file.add_metadata("rosbag2", {"serialized_metadata": info.to_yaml(root=False)})
+                self._file.add_metadata("rosbag2", {"serialized_metadata": information})
                 self._file.finish()
                 draft = self._path / f"{METADATA_FILE}.tmp"
-                draft.write_text(info.to_yaml(root=True), "utf-8")
+                draft.write_text(whole_document(information), "utf-8")
                 draft.replace(self._path / METADATA_FILE)
         finally:
             self._file.abandon()

@@ -49,7 +49,9 @@ def test_residual(topics: RunTopics) -> None:
     codec = topics.residual(Link(1, 2))
     step, verdict = codec.decode(codec.encode(STEP, VERDICT))
     assert step == STEP
-    assert repr(verdict) == repr(VERDICT)
+    assert (verdict.phase, verdict.alarm) == (VERDICT.phase, VERDICT.alarm)
+    for name in ("estimate", "residual", "threshold"):
+        assert repr(tuple(getattr(verdict, name))) == repr(getattr(VERDICT, name))
 
 
 def test_alarm(topics: RunTopics) -> None:

@@ -1,0 +1,22 @@
+"""YAML in and out through the C library behind PyYAML where it is installed: ten times as fast."""
+
+from typing import Any
+
+import yaml
+
+_Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_Dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
+
+
+def dump(document: object) -> str:
+    """A document of plain data, keys in their order."""
+    return str(yaml.dump(document, Dumper=_Dumper, sort_keys=False, allow_unicode=True))
+
+
+def load(text: str) -> Any:  # noqa: ANN401 - YAML holds whatever it holds
+    """The plain data of a document.
+
+    Raises:
+        yaml.YAMLError: It is no YAML.
+    """
+    return yaml.load(text, Loader=_Loader)  # noqa: S506 - a safe loader
