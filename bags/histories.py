@@ -3,8 +3,11 @@
 from collections.abc import Sequence
 from pathlib import Path
 
+from bags.container import open_container, readable
 from bags.convert import history_records
+from bags.errors import BagError
 from bags.origin import attach_origin
+from bags.records import HistoryRecord
 from bags.schema import run_topics
 from bags.writer import BagWriter
 from dgu_sim.experiment import run_experiments
@@ -33,15 +36,16 @@ def read_histories(path: Path, dgu: int) -> list[HistoryRecord]:
     Raises:
         BagError: The bag cannot be read or holds no history of this DGU.
     """
-    codec = HistoryCodec(topic=history_topic(dgu), dgu=dgu)
-    container = open_container(path)
-    channels = [number for number, name in container.topics.items() if name == codec.topic.name]
-    payloads = [
-        payload for _, view in container.chunks() for number in channels for payload in view.payloads(int(number))
-    ]
-    if not payloads:
-        raise BagError(f"{path}: expected a history of DGU {dgu} on {codec.topic.name}, found none")
-    return [codec.decode(bytes(payload)) for payload in payloads]
+    codec = run_topics((dgu,), (), 1).history(dgu)
+    records: list[HistoryRecord] = []
+    for channels, chunk in open_container(path).chunks():
+        with readable(path):
+            for channel_id in chunk.offsets:
+                if channels[channel_id].topic == codec.topic.name:
+                    records += [codec.decode(payload) for payload in chunk.payloads(channel_id)]
+    if not records:
+        raise BagError(f"{path}: holds nothing on {codec.topic.name}, expected a recorded history of DGU {dgu}")
+    return records
 
 
 def write_histories(scenario: Scenario, dgus: Sequence[int], path: Path) -> Path:
@@ -64,6 +68,6 @@ def write_histories(scenario: Scenario, dgus: Sequence[int], path: Path) -> Path
     with BagWriter(path, [codec.topic for codec in codecs]) as writer:
         attach_origin(writer, scenario)
         for codec in codecs:
-            for record in history_records(codec.dgu, run_experiments(scenario, codec.dgu)):
+            for record in histories_of_run(scenario, codec.dgu):
                 writer.write(codec.topic.name, 0, codec.encode(record))
     return path

@@ -11,14 +11,14 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bags.convert import design_record, history_of, history_records
+from bags.convert import design_record, history_of
+from bags.histories import histories_of_run
 from bags.monitors import MonitorArrays, alarm_changes, design_monitors
 from bags.origin import attach_origin
 from bags.records import HistoryRecord
 from bags.schema import RunTopics, run_topics
 from bags.topic import Topic
 from bags.writer import BagWriter
-from dgu_sim.experiment import run_experiments
 from dgu_sim.scenario import Scenario
 from dgu_sim.simulate import Block, simulate
 from monitor.observers import Design
@@ -43,7 +43,7 @@ def simulate_to_bag(scenario: Scenario, path: Path, progress: Callable[[int], No
         monitor.errors.MonitorError: Unknown observer or detector, or options of theirs.
     """
     topics = run_topics(scenario.grid.dgus, scenario.links, scenario.sampling_period_ns)
-    records = {dgu: history_records(dgu, run_experiments(scenario, dgu)) for dgu in topics.dgus}
+    records = {dgu: histories_of_run(scenario, dgu) for dgu in topics.dgus}
     histories = {dgu: history_of(history) for dgu, history in records.items()}
     monitors = design_monitors(topics, scenario.monitor, histories)
     states, alarm = monitors.init(), np.zeros(len(topics.links), dtype=np.bool_)

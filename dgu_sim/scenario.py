@@ -14,7 +14,7 @@ from dgu_sim.model import Frozen, Number
 from dgu_sim.noise import Noise, NoNoise
 from dgu_sim.plant import Coupling
 from dgu_sim.scenario_checks import check_parts, check_stability
-from dgu_sim.scenario_file import apply_overrides, embed_tables, parse_yaml, raised_by
+from dgu_sim.scenario_file import apply_overrides, embed_tables, parse_yaml, raised_by, resolve_history_bag
 from dgu_sim.settings import (
     AttackSettings,
     DguSettings,
@@ -128,6 +128,7 @@ def parse_scenario(
     data = parse_yaml(text, source)
     apply_overrides(data, overrides, source)
     embed_tables(data, source, directory)
+    resolve_history_bag(data, directory)
     try:
         return Scenario.model_validate(data)
     except ValidationError as error:

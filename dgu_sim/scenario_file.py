@@ -10,7 +10,7 @@ import yaml
 from dgu_sim.errors import ScenarioError
 from dgu_sim.explain import shown
 
-__all__ = ["apply_overrides", "embed_tables", "parse_yaml", "raised_by"]
+__all__ = ["apply_overrides", "embed_tables", "parse_yaml", "raised_by", "resolve_history_bag"]
 
 COLUMNS = ("time_sec", "current_a")
 
@@ -101,6 +101,14 @@ def embed_tables(data: dict[str, Any], source: str, directory: Path | None) -> N
                     if column in load:
                         raise ScenarioError(f"{where}: expected either a file or {column}, found both")
                     load[column] = values
+
+
+def resolve_history_bag(data: dict[str, Any], directory: Path | None) -> None:
+    """Make a relative `history.bag` absolute, in place: it stands beside the scenario file."""
+    history = data.get("history")
+    bag = history.get("bag") if isinstance(history, dict) else None
+    if directory is not None and isinstance(bag, str):
+        data["history"]["bag"] = str((directory / bag).resolve())
 
 
 def _read_table(where: str, file: object, directory: Path | None) -> tuple[list[float], list[float]]:

@@ -154,6 +154,11 @@ class HistorySettings(Frozen):
         default=0.0, description="Standard deviation of Gaussian noise on every recorded number."
     )
     precision: Precision = Field(default=Precision.FLOAT64, description="Number format the record is rounded to.")
+    bag: str | None = Field(
+        default=None,
+        description="Bag with recorded histories, beside the scenario file: the experiment is not run, "
+        "and the keys above are not used.",
+    )
 
 
 class ObserverSettings(Frozen):

@@ -14,7 +14,7 @@ from bags.errors import BagError
 from dgu_sim.errors import DguSimError
 from monitor.errors import MonitorError
 
-from dcmg_bringup import attack_commands, jobs
+from dcmg_bringup import attack_commands, jobs, paper_commands
 from dcmg_bringup.errors import BringupError
 from dcmg_nodes.errors import NodeError
 from dcmg_nodes.options import PacingMode
@@ -35,6 +35,7 @@ data-driven unknown-input observers watching; every run ends in a bag that `repl
 Start here: `dcmg scenarios`, then `dcmg run gallo_six_dgu`.""",
 )
 app.add_typer(attack_commands.app, name="attack")
+app.add_typer(paper_commands.app, name="paper")
 
 Scenario = Annotated[str, typer.Argument(help="name of a shipped scenario (see `dcmg scenarios`) or path of a file")]
 Out = Annotated[
@@ -49,6 +50,14 @@ Set = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="A.B=VALUE", help="change one key of the scenario; repeatable", show_default=False),
 ]
+History = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="BAG",
+        help="design the monitors from this recorded history (see `dcmg experiment`), not from an experiment at start-up",
+        show_default=False,
+    ),
+]
 Plots = Annotated[bool, typer.Option(help="draw states and residuals as PNG files")]
 
 
@@ -62,13 +71,16 @@ def run(
     seed: Seed = None,
     out: Out = None,
     composed: Annotated[bool, typer.Option("--composed", help="all nodes in one process")] = False,
+    history: History = None,
     set_: Set = None,
     json: Json = False,
     plots: Plots = True,
     domain: Annotated[int | None, typer.Option(help="ROS domain id; default: a free one", show_default=False)] = None,
 ) -> None:
     """Run a scenario over ROS 2: one process per node, recorded to a bag."""
-    options = jobs.ScenarioOptions(name=scenario, duration_sec=duration, seed=seed, out=out, overrides=set_ or [])
+    options = jobs.ScenarioOptions(
+        name=scenario, duration_sec=duration, seed=seed, out=out, overrides=set_ or [], history=history
+    )
     raise typer.Exit(
         jobs.run(options, pacing=pacing, rate=rate, composed=composed, domain=domain, json=json, plots=plots)
     )
@@ -81,12 +93,15 @@ def simulate(
     duration: Duration = None,
     seed: Seed = None,
     out: Out = None,
+    history: History = None,
     set_: Set = None,
     json: Json = False,
     plots: Plots = True,
 ) -> None:
     """Do the same run without ROS: the same numbers bit for bit, the same bag, much faster."""
-    options = jobs.ScenarioOptions(name=scenario, duration_sec=duration, seed=seed, out=out, overrides=set_ or [])
+    options = jobs.ScenarioOptions(
+        name=scenario, duration_sec=duration, seed=seed, out=out, overrides=set_ or [], history=history
+    )
     raise typer.Exit(jobs.simulate(options, json=json, plots=plots))
 
 

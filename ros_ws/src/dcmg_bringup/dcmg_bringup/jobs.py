@@ -41,6 +41,7 @@ class ScenarioOptions:
         seed: seed, None: as in the file.
         out: folder to write to, None: a new one below `out`.
         overrides: further changes, "a.b=value".
+        history: bag with the histories that monitors are designed from, None: as in the file.
     """
 
     name: str
@@ -48,6 +49,7 @@ class ScenarioOptions:
     seed: int | None
     out: Path | None
     overrides: Sequence[str]
+    history: Path | None = None
 
     def load(self) -> Scenario:
         """Read and check the scenario.
@@ -60,6 +62,8 @@ class ScenarioOptions:
             changes.append(f"duration_sec={self.duration_sec!r}")
         if self.seed is not None:
             changes.append(f"seed={self.seed}")
+        if self.history is not None:
+            changes.append(f"history.bag={json_module.dumps(str(self.history.resolve()))}")
         return load_scenario(scenario_path(self.name), changes)
 
     def folder(self, scenario: Scenario) -> Path:

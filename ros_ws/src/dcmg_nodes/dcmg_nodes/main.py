@@ -8,11 +8,10 @@ from contextlib import ExitStack
 from typing import TYPE_CHECKING
 
 import rclpy
-from bags.convert import history_records
+from bags.histories import histories_of_run
 from bags.origin import attach_origin
 from bags.schema import ATTACKER_NODE, CLOCK_NODE, dgu_name, monitor_name
 from bags.writer import BagWriter
-from dgu_sim.experiment import run_experiments
 from dgu_sim.simulate import relay_of
 from dgu_sim.unit import unit_of
 from rclpy.signals import SignalHandlerOptions
@@ -112,7 +111,7 @@ class _Builder:
 
     def _dgu(self, dgu: int) -> Ports:
         unit = unit_of(self._scenario, dgu)
-        history = history_records(dgu, run_experiments(self._scenario, dgu))
+        history = histories_of_run(self._scenario, dgu)
         return DguNode(self._wiring, self._lifetime, unit, history, self._scenario.steps).ports
 
     def _attacker(self) -> Ports:
