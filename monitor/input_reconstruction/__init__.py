@@ -1,5 +1,6 @@
 """Unknown inputs reconstructed from outputs alone (Shi, Lian and Jones: UIE)."""
 
+from monitor.input_reconstruction.attacks import with_attack
 from monitor.input_reconstruction.designing import CLOSED_LOOP, OPEN_LOOP, Fit, InputOptions, Poles, design
 from monitor.input_reconstruction.realisation import Gains, impose, realise
 from monitor.input_reconstruction.report import InputDesign, InputReport
@@ -16,4 +17,5 @@ __all__ = [
     "design",
     "impose",
     "realise",
+    "with_attack",
 ]

@@ -15,8 +15,9 @@ from monitor.certificate import Certificate
 from monitor.errors import HistoryError, MonitorError
 from monitor.input_reconstruction.behaviour import Behaviour, truncate, untruncated
 from monitor.input_reconstruction.poles import Solutions, place
-from monitor.input_reconstruction.realisation import Gains, noise_gain, realise
+from monitor.input_reconstruction.realisation import Gains, realise
 from monitor.input_reconstruction.report import InputDesign, InputReport
+from monitor.input_reconstruction.uncertainty import noise_gain
 from monitor.input_reconstruction.windows import Windows, cut_windows
 from monitor.input_reconstruction.zeros import invariant_zeros, invisible_below
 from monitor.options import parse_options
@@ -157,7 +158,7 @@ def _impossible(report: InputReport, behaviour: Behaviour) -> str | None:
         if len(unstable):
             listed = ", ".join(f"{zero:.4g}" if zero.imag else f"{zero.real:.4g}" for zero in unstable)
             noisy = " (noise moves them: try least_squares)" if behaviour.noise else ""
-            return f"no stable estimator exists: the record shows the invariant zeros {listed}, expected modulus < 1{noisy}"
+            return f"no stable estimator exists: the record shows the zeros {listed}, expected modulus < 1{noisy}"
     return None
 
 

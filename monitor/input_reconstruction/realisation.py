@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import solve_discrete_lyapunov
 
 from monitor.observers.linear_observer import LinearObserver
 
@@ -89,9 +88,3 @@ def impose(state: Vector, known: Sequence[Component], past: int) -> Vector:
     """Replace the newest input estimate in a state by an input that is known (m components)."""
     m = len(known)
     return (*state[: (past - 1) * m], *known, *state[past * m :])
-
-
-def noise_gain(observer: LinearObserver) -> NDArray[np.float64]:
-    """(m, m) steady covariance of the estimate under white noise of unit covariance on y; the observer is Schur."""
-    spread = solve_discrete_lyapunov(observer.A, observer.B @ observer.B.T)
-    return np.asarray(observer.D @ observer.D.T + observer.M @ spread @ observer.M.T)

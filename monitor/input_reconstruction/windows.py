@@ -78,7 +78,8 @@ def cut_windows(history: History, past: int, future: int) -> Windows:
     whole = np.isfinite(inputs).all(axis=0) & np.isfinite(Y).all(axis=0)
     dropped = int(np.count_nonzero(~whole))
     inputs, Y = inputs[:, whole], Y[:, whole]
-    _check_excitation(inputs, dropped, length)
+    _check_length(Y.shape[1], max((past + 1) * m + length * p, length * m), dropped, length)
+    _check_excitation(inputs)
     U_past, u_now, U_later = np.split(inputs, [past * m, (past + 1) * m])
     return Windows(
         U_past=U_past,
@@ -99,14 +100,18 @@ def _hankel(signal: NDArray[np.float64], depth: int) -> NDArray[np.float64]:
     return np.vstack([signal[row : row + columns].T for row in range(depth)])
 
 
-def _check_excitation(inputs: NDArray[np.float64], dropped: int, length: int) -> None:
-    """Refuse inputs that do not move freely over a window (assumption 1 of I, as far as it needs no order)."""
-    rows, columns = inputs.shape
+def _check_length(columns: int, rows: int, dropped: int, length: int) -> None:
+    """Refuse a record with fewer windows than rows of [U_p; u_t; Y]: anything fits so few."""
     if columns < rows:
         gaps = f" ({dropped} more hold NaN or infinite values)" if dropped else ""
         raise HistoryError(
             f"the history has {columns} windows of {length} samples{gaps}, expected at least {rows}: record longer"
         )
+
+
+def _check_excitation(inputs: NDArray[np.float64]) -> None:
+    """Refuse inputs that do not move freely over a window (assumption 1 of I, as far as it needs no order)."""
+    rows = len(inputs)
     values = np.linalg.svd(inputs, compute_uv=False)
     rank = int(np.count_nonzero(values > _RANK * values[0]))
     if rank < rows:

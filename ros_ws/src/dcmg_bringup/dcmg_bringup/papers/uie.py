@@ -162,12 +162,12 @@ def _case(name: str, feedthrough: NDArray[np.float64], future: int, seed: int) -
 def _trajectory(
     feedthrough: NDArray[np.float64], seed: int, steps: int, noise: float
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Inputs U(-1.5, 1.5) + K x, K = -dlqr(A, B, I, I), and outputs with noise; x(0) = 0."""
+    """Inputs U(-1.5, 1.5) + K x, K = -dlqr(A, B, I, I), and outputs with noise; random start."""
     P = solve_discrete_are(A, B, np.eye(3), np.eye(2))
     K = -np.linalg.solve(np.eye(2) + B.T @ P @ B, B.T @ P @ A)
     generator = np.random.RandomState(seed)  # the authors' stream, column-major: one column of draws a step
     drawn = generator.uniform(-1.5, 1.5, 2 * steps).reshape((2, steps), order="F")
-    x, inputs, outputs = np.zeros(3), [], []
+    x, inputs, outputs = generator.uniform(-1.5, 1.5, 3), [], []
     for random_part in drawn.T:
         u = random_part + K @ x
         inputs.append(u)

@@ -1,0 +1,39 @@
+"""The oracles of Shi, Lian and Jones (2022)."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pytest
+
+from dcmg_bringup.papers import uie
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+
+@pytest.fixture(scope="module")
+def result() -> uie.UieResult:
+    """The experiment with the authors' seed."""
+    return uie.run()
+
+
+def test_numbers_of_the_page_come_out(result: uie.UieResult) -> None:
+    """Spectral radii .7216/.7797 (op-UIE) and .6751/.7797 (cl-UIE), both zeros, and errors that vanish."""
+    assert not [check for check in uie.checks(result) if not check.ok]
+
+
+def test_noise_favours_the_closed_loop_without_truncation(result: uie.UieResult) -> None:
+    """As the paper says, cl-UIE bears noise better than op-UIE; truncating to the right rank makes them equal."""
+    open_loop, closed_loop, open_truncated, closed_truncated = result.noise_error.T
+    assert np.all(closed_loop < open_loop)
+    # A tenth: both use the same [U1 Y1], only the correction of the first error differs.
+    assert np.allclose(open_truncated, closed_truncated, rtol=0.1)
+
+
+def test_figures_are_written(result: uie.UieResult, tmp_path: Path) -> None:
+    """Two PNG files: inputs with errors, and the noise study."""
+    paths = uie.plot(result, tmp_path / "figures")
+    assert [path.name for path in paths] == ["uie_fig2.png", "uie_noise.png"]
+    assert all(path.read_bytes().startswith(b"\x89PNG") for path in paths)
