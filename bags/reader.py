@@ -58,6 +58,8 @@ def read_run(path: Path) -> RunRecord:
                         decoders[name](payload)
     for name, column in columns.items():
         column.decode(name)
+        if column.filled != counts[name]:
+            raise BagError(f"{path}: {name} has {column.filled} messages, its statistics promise {counts[name]}")
     return RunRecord(
         path=path,
         topics=topics,

@@ -2,6 +2,7 @@
 
 import re
 import shutil
+import struct
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -134,6 +135,14 @@ def test_truncated_bag_says_so(bag: Path, tmp_path: Path) -> None:
     """A file without its end is told apart from other damage, with what can be done."""
     spoilt = _spoil(bag, tmp_path, lambda data: data[: len(data) // 2])
     with pytest.raises(BagError, match=r"breaks off without an MCAP footer, .* `mcap recover`"):
+        read_run(spoilt)
+
+
+def test_wrong_statistics_are_named(bag: Path, tmp_path: Path) -> None:
+    """A file that holds another number of messages than it says is not read as a shorter run."""
+    tick = struct.pack("<HQ", 2, 240)
+    spoilt = _spoil(bag, tmp_path, lambda data: struct.pack("<HQ", 2, 200).join(data.rsplit(tick, 1)))
+    with pytest.raises(BagError, match="/tick has 240 messages, its statistics promise 200"):
         read_run(spoilt)
 
 
