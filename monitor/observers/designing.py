@@ -45,7 +45,7 @@ class DesignOptions:
         unknown_inputs: m_d, when it is known.
         noise_std: standard deviation of the noise on the recorded x, one number or one a state, when it is known.
         relative_tolerance: what counts as rounding in exact data.
-        method: how the behaviour is found in noisy data; on exact data all agree.
+        method: how the behaviour is found in noisy data (docs/noise.md); on exact data all agree.
         repeated: the experiments repeat one another (same start, same inputs): average them.
         strategy: how the free matrix Q is chosen.
         decay: largest modulus of the eigenvalues of A_UIO, for the strategies that move them.
@@ -58,7 +58,7 @@ class DesignOptions:
     unknown_inputs: int | None = Field(default=None, ge=0)
     noise_std: tuple[float, ...] | float | None = None
     relative_tolerance: float = Field(default=1e-10, gt=0.0, lt=1.0)
-    method: Method = Method.TOTAL_LEAST_SQUARES
+    method: Method = Method.STRUCTURED
     repeated: bool = False
     strategy: Strategy = Strategy.MINIMUM_NORM
     decay: float | None = Field(default=None, gt=0.0, lt=1.0)
@@ -95,7 +95,9 @@ def design_uio(history: History, options: DesignOptions, shape: Shape) -> Design
         draft = replace(draft, data=report)
         if decision.unknown_inputs is None:
             return _refuse(draft, decision.reason)
-        behaviour = span(data, decision.unknown_inputs, options.method, _weights(options, history.states))
+        exact = decision.basis is RankBasis.EXACT  # all methods agree, the least costly one will do
+        method = Method.TOTAL_LEAST_SQUARES if exact else options.method
+        behaviour = span(data, decision.unknown_inputs, method, _weights(options, history.states))
     except HistoryError as error:
         return _refuse(draft, str(error))
     selection = shape.selection(behaviour)
