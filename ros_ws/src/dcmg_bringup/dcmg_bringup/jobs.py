@@ -95,6 +95,7 @@ def run(
     if rate != 1.0 and pacing is PacingMode.LOCKSTEP:
         raise BringupError(f"--rate {rate:g}: expected only together with --pacing realtime")
     scenario = options.load()
+    check_monitors(scenario)
     out = options.folder(scenario)
     run_options = RunOptions(pacing=pacing, rate=rate, composed=composed, domain=domain)
     with LiveDisplay(_messages, scenario.steps, scenario.sampling_period_sec) as display:
@@ -118,6 +119,7 @@ def simulate(options: ScenarioOptions, *, json: bool, plots: bool) -> int:
     from bags.offline import simulate_to_bag  # noqa: PLC0415 (heavy)
 
     scenario = options.load()
+    check_monitors(scenario)
     out = options.folder(scenario)
     out.mkdir(parents=True, exist_ok=True)
     with LiveDisplay(_messages, scenario.steps, scenario.sampling_period_sec) as display:
@@ -181,6 +183,26 @@ def node(
     if failure is not None:
         raise BringupError(failure)
     return 0
+
+
+def check_monitors(scenario: Scenario) -> None:
+    """Design every observer and build the detector once, so that a run does not start in vain.
+
+    Raises:
+        MonitorError: an unknown kind or option, or a history that cannot be used.
+        BagError: the bag of histories cannot be read.
+    """
+    from bags.convert import history_of  # noqa: PLC0415 (heavy)
+    from bags.histories import histories_of_run  # noqa: PLC0415
+    from monitor import detectors, observers  # noqa: PLC0415
+
+    detector, observer = scenario.monitor.detector, scenario.monitor.observer
+    detectors.build(detector.kind, detector.options, scenario.sampling_period_sec)
+    for source in sorted({link.source for link in scenario.links}):
+        history = history_of(histories_of_run(scenario, source))
+        design = observers.design(observer.kind, history, observer.options)
+        if not design.accepted:
+            _messages.print(f"[yellow]links from DGU {source} are not monitored[/]: {design.verdict}", soft_wrap=True)
 
 
 def _show(bag: Path, plots_dir: Path | None, *, json: bool) -> None:

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 CREDIT_EVERY = 16  # steps between two credits; must stay well below the clock's window
 _WATCH_SEC = 0.25
+_FLUSH_SEC = 0.5  # what a crash of this process may cost
 _LINGER_SEC = 1.0
 _LINGER_POLL_SEC = 0.02
 
@@ -45,7 +46,7 @@ class RecorderNode:
         self._published: dict[str, int] = dict.fromkeys(self._assembler.counts, 0)
         self._unfinished = set(wiring.nodes)
         self._credited = 0
-        self._moved_at = time.monotonic()
+        self._moved_at = self._flushed_at = time.monotonic()
         node = self.ports.node
         self._progress = node.create_publisher(Progress, PROGRESS, CONTROL_QOS)
         self._end = node.create_publisher(RunEnd, END, CONTROL_QOS)
@@ -107,7 +108,10 @@ class RecorderNode:
             self.ports.lifetime.leave(RECORDER_NODE)
 
     def _watch(self) -> None:
-        """Credit stragglers, and name what a stalled run waits for."""
+        """Credit stragglers, put what is written on the disk, and name what a stalled run waits for."""
+        if time.monotonic() - self._flushed_at > _FLUSH_SEC:
+            self._writer.flush()
+            self._flushed_at = time.monotonic()
         if self._assembler.complete != self._credited:
             self._credit()
         started = self._assembler.counts[self._clock_topic] > 0
