@@ -1,0 +1,116 @@
+"""The running form of the delayed observer: its state is xhat_k and the samples k … k + delta - 1 in between."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from monitor.observers.linear_observer import LinearObserver
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from numpy.typing import NDArray
+
+    from monitor.delayed.model import Model, Window
+    from monitor.linear import Component, Vector
+    from monitor.observers.protocol import Estimate
+
+
+def realise(model: Model, window: Window, L: NDArray[np.float64]) -> LinearObserver:
+    """Put C (3), xhat_k+1 = Q xhat_k + L (Y - Gamma_u U) + B_u u_k, into s_t+1 = A s_t + B v_t with k = t - delta.
+
+    The estimate at step t is xhat_t-delta+1 (for delta = 0 xhat_t, which does not use y_t yet); the residual is
+    y - C xhat - D_u u of the same instant. The start repeats the first sample.
+    """
+    n, width, delay = len(model.A), model.B_u.shape[1] + len(model.C), window.delay
+    A, B = _dynamics(model, window, L)
+    picked = max(delay - 1, 0)  # which sample of the memory belongs to the estimate's instant
+    if delay:
+        M, D = A[:n], B[:n]
+    else:
+        M, D = np.eye(n), np.zeros((n, width))
+    direct = np.hstack([-model.D_u, np.eye(len(model.C))])
+    H, J = -model.C @ M, -model.C @ D
+    if delay > 1:
+        H[:, n + picked * width : n + (picked + 1) * width] += direct
+    else:
+        J = J + direct
+    return LinearObserver(
+        A=A, B=B, M=M, D=D, H=H, J=J, Z=_start(model, delay), inputs=model.B_u.shape[1], outputs=len(model.C)
+    )
+
+
+def realise_input(model: Model, window: Window, L: NDArray[np.float64]) -> LinearObserver:
+    """Take the unknown input for the estimate of the same observer, k = t - delta.
+
+    w^_k = [B; D]^+ [xhat_k+1 - A xhat_k - B_u u_k; y_k - C xhat_k - D_u u_k]
+    """
+    n, width = len(model.A), model.B_u.shape[1] + len(model.C)
+    state = realise(model, window, L)
+    inverse = np.linalg.pinv(model.G)
+    advance = np.hstack([state.A[:n], state.B[:n]])  # xhat_k+1 as a function of (s_t, v_t)
+    now = np.eye(*advance.shape)  # xhat_k likewise
+    sample = np.eye(width, advance.shape[1], k=n)  # (u_k, y_k) likewise: the oldest in memory, or v_t itself
+    u, y = np.split(sample, [model.B_u.shape[1]])
+    whole = inverse @ np.vstack([advance - model.A @ now - model.B_u @ u, y - model.C @ now - model.D_u @ u])
+    M, D = np.split(whole, [state.order], axis=1)
+    return LinearObserver(
+        A=state.A, B=state.B, M=M, D=D, H=state.H, J=state.J, Z=state.Z, inputs=state.inputs, outputs=state.outputs
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class ConstantInput:
+    """An observer whose first known input is the constant 1: the operating point at which the history was recorded.
+
+    Attributes:
+        inner: the observer with that input.
+    """
+
+    inner: LinearObserver
+
+    @property
+    def inputs(self) -> int:
+        """Number m of known inputs besides the constant."""
+        return self.inner.inputs - 1
+
+    @property
+    def outputs(self) -> int:
+        """Number p of outputs it needs."""
+        return self.inner.outputs
+
+    @property
+    def states(self) -> int:
+        """Number of estimated components."""
+        return self.inner.states
+
+    def init(self, u: Sequence[Component], y: Sequence[Component]) -> Vector:
+        """State before the first sample is used."""
+        return self.inner.init((1.0, *u), y)
+
+    def step(self, state: Vector, u: Sequence[Component], y: Sequence[Component]) -> tuple[Vector, Estimate]:
+        """Estimate from the samples up to t, and advance."""
+        return self.inner.step(state, (1.0, *u), y)
+
+
+def _dynamics(model: Model, window: Window, L: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """A and B of s = [xhat_k; v_k; …; v_k+delta-1], v = (u, y)."""
+    n, m, p, delay = len(model.A), model.B_u.shape[1], len(model.C), window.delay
+    width = m + p
+    from_outputs = L.reshape(n, delay + 1, p)
+    from_inputs = -(L @ window.Gamma_u).reshape(n, delay + 1, m)
+    from_inputs[:, 0] += model.B_u
+    from_samples = np.concatenate([from_inputs, from_outputs], axis=2).reshape(n, (delay + 1) * width)
+    Q = model.A - L @ window.Theta
+    shift = np.eye(delay * width, (delay + 1) * width, k=width)
+    whole = np.block([[Q, from_samples], [np.zeros((delay * width, n)), shift]])
+    return whole[:, :-width], whole[:, -width:]
+
+
+def _start(model: Model, delay: int) -> NDArray[np.float64]:
+    """First state from the first sample: the pseudo-inverse guess, and the memory filled with that sample."""
+    guess = np.linalg.pinv(model.C) @ np.hstack([-model.D_u, np.eye(len(model.C))])
+    return np.vstack([guess, *([np.eye(guess.shape[1])] * delay)])
