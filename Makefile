@@ -38,10 +38,11 @@ lint: install ## import contracts, ruff, formatting, mypy --strict
 bench: install ## measure the speed on this machine
 	@$(PY) -m pytest -m bench -s tests/bench
 
-colcon: $(VENV)/packages ## build the ROS workspace with colcon, against the wheels
+colcon: $(VENV)/packages ## build ros_ws with colcon against the wheels, and try the result
 	@$(PY) -m pip install -qq -c constraints.txt colcon-common-extensions
 	@cd ros_ws && $(ON_WHEELS) $(abspath $(VENV)/bin/colcon) build --cmake-args $(PYTHON_ARG)
-	@cd ros_ws && . install/setup.sh && install/dcmg_bringup/lib/dcmg_bringup/dcmg scenarios
+	@. ros_ws/install/setup.sh && ros_ws/install/dcmg_bringup/lib/dcmg_bringup/dcmg scenarios && \
+	  $(PY) -m pytest tests/ros/test_interfaces.py
 
 install: $(VENV)/messages ## only make .venv: Python packages, ROS 2 and our messages
 
