@@ -40,9 +40,10 @@ bench: install ## measure the speed on this machine
 
 colcon: $(VENV)/packages ## build ros_ws with colcon against the wheels, and try the result
 	@$(PY) -m pip install -qq -c constraints.txt colcon-common-extensions
+	@rm -rf ros_ws/build ros_ws/install ros_ws/log
 	@cd ros_ws && $(ON_WHEELS) $(abspath $(VENV)/bin/colcon) build --cmake-args $(PYTHON_ARG)
-	@. ros_ws/install/setup.sh && ros_ws/install/dcmg_bringup/lib/dcmg_bringup/dcmg scenarios && \
-	  $(PY) -m pytest tests/ros/test_interfaces.py
+	@. ros_ws/install/setup.sh && ros_ws/install/dcmg_bringup/lib/dcmg_bringup/dcmg run gallo_six_dgu --duration 2 --no-plots \
+	  --out ros_ws/log/run && $(PY) -m pytest tests/ros/test_interfaces.py
 
 install: $(VENV)/messages ## only make .venv: Python packages, ROS 2 and our messages
 
