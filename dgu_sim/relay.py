@@ -5,7 +5,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
-from dgu_sim.attacks import build_attack
+from dgu_sim.attacks import AttackContext, Knowledge, build_attack
 from dgu_sim.errors import AttackError
 from dgu_sim.grid import Link
 from dgu_sim.records import Sample
@@ -23,12 +23,16 @@ class Relay:
         dgus: DGU numbers in the order of the outputs.
         links: The links in the order of the received samples.
         sampling_period_sec: T_s.
+        seed: Seed of the run that it relays in floats, or of each run that it relays in arrays.
+        insight: What attackers can find out about the grid; None: nothing.
         sources: Position in `dgus` of the sender of each link, derived.
     """
 
     dgus: tuple[int, ...]
     links: tuple[Link, ...]
     sampling_period_sec: float
+    seed: int | tuple[int, ...] = 0
+    insight: Knowledge | None = None
     sources: tuple[int, ...] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -66,22 +70,24 @@ class Relay:
             state: Where the relay is.
             link: The link to act on.
             kind: Name of the attack class.
-            parameters: Its parameters.
+            parameters: Its parameters. For an attack on several links they may hold `links`: ["2-4", "3-4"], all of
+                its links in their order, `link` the first.
             duration_sec: Length [s]; 0: until stopped.
             origin: Who asked for it.
 
         Returns:
-            The new state and the START event; `step` does not report it again.
+            The new state and the START event of `link`; `step` reports those of the other links only.
 
         Raises:
-            AttackError: The link does not exist, the kind is unknown or a parameter is wrong.
+            AttackError: A link does not exist, the kind is unknown or a parameter is wrong.
         """
         if not (math.isfinite(duration_sec) and duration_sec >= 0.0):
             raise AttackError(f"duration_sec = {duration_sec:g}: expected a length in seconds, or 0 for until stopped")
         length = max(1, first_step(duration_sec, self.sampling_period_sec)) if duration_sec > 0.0 else None
         stop_step = None if length is None else state.step + length
         start_sec = state.step * self.sampling_period_sec
-        plan = AttackPlan(link=link, kind=kind, parameters=parameters, start_sec=start_sec)
+        links, own = _split_links(link, parameters)
+        plan = AttackPlan(links=links, kind=kind, parameters=own, start_sec=start_sec)
         state, attack = self._schedule(state, plan, origin, state.step, stop_step)
         return state, attack.event(link, Action.START, state.step)
 
@@ -100,7 +106,7 @@ class Relay:
             raise AttackError(f"link {link}: no attack is active on it, expected one to stop")
         numbers = {one.number for one in ended}
         rest = tuple(one for one in state.attacks if one.number not in numbers)
-        events = tuple(one.event(each, Action.STOP, state.step) for one in ended for each in one.links)
+        events = tuple(one.event(each, Action.STOP, state.step) for one in ended for each in one.announced(state.step))
         return replace(state, attacks=rest), events
 
     def step(
@@ -127,8 +133,8 @@ class Relay:
             elif state.step < one.start_step:
                 attacks.append(one)
             else:
-                if not one.announced(state.step):
-                    events += [one.event(link, Action.START, state.step) for link in one.links]
+                told = len(one.announced(state.step))
+                events += [one.event(link, Action.START, state.step) for link in one.links[told:]]
                 attacks.append(self._apply(one, samples))
         following = RelayState(step=state.step + 1, attacks=tuple(attacks), next_number=state.next_number)
         return following, tuple(samples), tuple(events)
@@ -154,17 +160,25 @@ class Relay:
     def _schedule(
         self, state: RelayState, plan: AttackPlan, origin: Origin, start_step: int, stop_step: int | None
     ) -> tuple[RelayState, RunningAttack]:
-        positions = (self._position(plan.link),)
+        positions = tuple(self._position(link) for link in plan.links)
         attack = build_attack(plan.kind, plan.parameters)
+        attack.check_links(plan.links)
+        context = AttackContext(
+            links=plan.links,
+            sampling_period_sec=self.sampling_period_sec,
+            number=state.next_number,
+            seed=self.seed,
+            insight=self.insight,
+        )
         running = RunningAttack(
             number=state.next_number,
-            links=(plan.link,),
+            links=plan.links,
             positions=positions,
             kind=plan.kind,
             parameters=json.dumps(attack.model_dump(mode="json"), sort_keys=True),
             origin=origin,
             attack=attack,
-            state=attack.init(),
+            state=attack.init(context),
             start_step=start_step,
             stop_step=stop_step,
         )
@@ -175,3 +189,16 @@ class Relay:
             known = ", ".join(str(one) for one in self.links) or "none: the scenario has no lines"
             raise AttackError(f"link {link}: expected a communication link of this run: {known}")
         return self.links.index(link)
+
+
+def _split_links(link: Link, parameters: Mapping[str, object]) -> tuple[tuple[Link, ...], Mapping[str, object]]:
+    """Return the links that a request means, and the parameters of the attack class."""
+    if not isinstance(parameters, Mapping):
+        raise AttackError(f"parameters = {parameters!r}: expected a mapping of keys to values")
+    names = parameters.get("links", [str(link)])
+    if not (isinstance(names, list | tuple) and names and all(isinstance(name, str) for name in names)):
+        raise AttackError(f"links = {names!r}: expected a list of links, like ['2-4', '3-4']")
+    links = tuple(Link.parse(str(name)) for name in names)
+    if links[0] != link or len(set(links)) < len(links):
+        raise AttackError(f"links = {names!r}: expected different links, {link} the first")
+    return links, {key: value for key, value in parameters.items() if key != "links"}

@@ -29,14 +29,14 @@ class AttackPlan:
     """An attack that the scenario schedules.
 
     Attributes:
-        link: The link it acts on.
+        links: The links it acts on together.
         kind: Name of the attack class.
         parameters: Its parameters, checked.
         start_sec: Time of the first affected sample [s].
         stop_sec: Time of the first clean sample again [s]; None: it stays.
     """
 
-    link: Link
+    links: tuple[Link, ...]
     kind: str
     parameters: Mapping[str, object]
     start_sec: float
@@ -94,9 +94,11 @@ class RunningAttack:
     start_step: int
     stop_step: int | None
 
-    def announced(self, step: int) -> bool:
-        """Return whether its START event is out before `step` is relayed: a service's is at once."""
-        return self.start_step < step or (self.start_step == step and self.origin is Origin.SERVICE)
+    def announced(self, step: int) -> tuple[Link, ...]:
+        """Return the links whose START event is out before `step` is relayed: a service hears of the first at once."""
+        if self.start_step < step:
+            return self.links
+        return self.links[:1] if self.start_step == step and self.origin is Origin.SERVICE else ()
 
     def event(self, link: Link, action: Action, step: int) -> RelayEvent:
         """Return the event of one link."""

@@ -7,7 +7,7 @@ from dgu_sim.errors import AttackError
 from dgu_sim.grid import Grid, Link
 from dgu_sim.model import finding
 from dgu_sim.plant import Coupling
-from dgu_sim.settings import HistoryPlant
+from dgu_sim.settings import AttackSettings, HistoryPlant
 from dgu_sim.stability import closed_loop, largest_stable_gain, sampled_grid, spectral_radius
 
 if TYPE_CHECKING:
@@ -84,16 +84,28 @@ def _check_attacks(scenario: "Scenario") -> None:
     ready = scenario.monitor.detector.calibrated_sec
     for index, attack in enumerate(scenario.attacks):
         key = ("attacks", index)
-        try:
-            link = Link.parse(attack.link)
-        except AttackError:
-            raise finding((*key, "link"), attack.link, "expected SOURCE-TARGET, like 1-2") from None
-        if link not in links:
-            known = _listed(sorted(str(one) for one in links)) or "none: the scenario has no lines"
-            raise finding((*key, "link"), attack.link, f"expected a communication link: {known}")
+        _check_links(attack, key, links)
         if attack.start_sec < ready:
             expected = f"expected at least {ready:g}: until then the detector calibrates on attack-free samples"
             raise finding((*key, "start_sec"), attack.start_sec, expected)
+
+
+def _check_links(attack: AttackSettings, key: tuple[str | int, ...], links: set[Link]) -> None:
+    for position, name in enumerate(attack.link_names):
+        place = (*key, "link") if attack.links is None else (*key, "links", position)
+        try:
+            link = Link.parse(name)
+        except AttackError:
+            raise finding(place, name, "expected SOURCE-TARGET, like 1-2") from None
+        if link not in links:
+            known = _listed(sorted(str(one) for one in links)) or "none: the scenario has no lines"
+            raise finding(place, name, f"expected a communication link: {known}")
+        if name in attack.link_names[:position]:
+            raise finding(place, name, "expected a link that does not stand before it")
+    try:
+        attack.attack.check_links(attack.plan.links)
+    except AttackError as error:
+        raise finding((*key, "links"), list(attack.link_names), str(error)) from None
 
 
 def _listed(items: Sequence[object]) -> str:

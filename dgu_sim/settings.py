@@ -13,7 +13,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from dgu_sim.attacks import KINDS
+from dgu_sim.attacks import KINDS, Attack
 from dgu_sim.explain import explain
 from dgu_sim.grid import Link
 from dgu_sim.loads import Load
@@ -168,6 +168,8 @@ class ObserverSettings(Frozen):
     options: dict[str, object] = Field(default_factory=dict, description="Options of the design method.")
 
 
+_EITHER = ("link", "links")
+
 FIXED_DETECTOR: dict[str, object] = {
     "settle_sec": 0.5,
     "calibrate_sec": 2.0,
@@ -215,10 +217,13 @@ class MonitorSettings(Frozen):
 
 
 class AttackSettings(Frozen):
-    """An attack on one link; the parameters of its class stand beside the other keys."""
+    """An attack on one or several links; the parameters of its class stand beside the other keys."""
 
     kind: str = Field(description="Name of the attack class.")
-    link: str = Field(description='The attacked link, "SOURCE-TARGET".')
+    link: str | None = Field(default=None, description='The attacked link, "SOURCE-TARGET"; or:')
+    links: tuple[str, ...] | None = Field(
+        default=None, min_length=1, description="The attacked links, of an attack that acts on several together."
+    )
     start_sec: NonNegative = Field(description="Time of the first affected sample [s].")
     stop_sec: Number | None = Field(default=None, description="Time of the first clean sample [s]; default: never.")
     parameters: dict[str, object] = Field(default_factory=dict, exclude=True)
@@ -243,20 +248,34 @@ class AttackSettings(Frozen):
         return {key: value for key, value in data.items() if key in ours} | {"parameters": parameters}
 
     @model_validator(mode="after")
-    def _ordered(self) -> Self:
+    def _fits(self) -> Self:
+        if (self.link is None) == (self.links is None):
+            found = "no link" if self.link is None else "link and links"
+            raise finding(("link",), self.link, f"expected either link or links, found {found}")
         if self.stop_sec is not None and self.stop_sec <= self.start_sec:
             raise finding(("stop_sec",), self.stop_sec, f"expected a time after start_sec = {self.start_sec:g}")
         return self
 
     @model_serializer(mode="wrap")
     def _flat(self, handler: SerializerFunctionWrapHandler) -> dict[str, object]:
-        return {**handler(self), **self.parameters}
+        ours = {key: value for key, value in handler(self).items() if key not in _EITHER or value is not None}
+        return {**ours, **self.parameters}
+
+    @property
+    def link_names(self) -> tuple[str, ...]:
+        """The attacked links as the file names them."""
+        return self.links if self.links is not None else (str(self.link),)
+
+    @property
+    def attack(self) -> Attack:
+        """The attack with its parameters."""
+        return KINDS[self.kind].model_validate(self.parameters)
 
     @property
     def plan(self) -> AttackPlan:
         """What the relay schedules."""
         return AttackPlan(
-            link=Link.parse(self.link),
+            links=tuple(Link.parse(name) for name in self.link_names),
             kind=self.kind,
             parameters=self.parameters,
             start_sec=self.start_sec,

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from dgu_sim.attacker_knowledge import ScenarioKnowledge
 from dgu_sim.linear import FloatArray
 from dgu_sim.plant import physical_of
 from dgu_sim.records import Physical, Sample
@@ -53,9 +54,23 @@ class Block:
     events: tuple[RunEvent, ...]
 
 
-def relay_of(scenario: Scenario) -> tuple[Relay, RelayState]:
-    """Return the relay of a scenario's links and its state before step 0, attacks scheduled."""
-    relay = Relay(dgus=scenario.grid.dgus, links=scenario.links, sampling_period_sec=scenario.sampling_period_sec)
+def relay_of(scenario: Scenario, seeds: tuple[int, ...] | None = None) -> tuple[Relay, RelayState]:
+    """Return the relay of a scenario's links and its state before step 0, attacks scheduled.
+
+    Args:
+        scenario: The scenario.
+        seeds: Seeds of the runs whose samples are arrays; None: samples are floats, the seed is the scenario's.
+
+    Raises:
+        AttackError: An attack cannot act on its links.
+    """
+    relay = Relay(
+        dgus=scenario.grid.dgus,
+        links=scenario.links,
+        sampling_period_sec=scenario.sampling_period_sec,
+        seed=scenario.seed if seeds is None else seeds,
+        insight=ScenarioKnowledge(scenario=scenario),
+    )
     return relay, relay.init([attack.plan for attack in scenario.attacks])
 
 
@@ -73,7 +88,7 @@ def simulate(scenario: Scenario, seeds: Sequence[int] | None = None, block_steps
     runs = (scenario.seed,) if seeds is None else tuple(seeds)
     wiring = _Wiring.of(scenario)
     cell = cell_of_all(scenario, runs)
-    relay, relay_state = relay_of(scenario)
+    relay, relay_state = relay_of(scenario, runs)
     state = cell.init()
     for first in range(0, scenario.steps, block_steps):
         buffer = _Buffer.empty(wiring, min(block_steps, scenario.steps - first), len(runs))

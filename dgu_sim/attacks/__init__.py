@@ -1,7 +1,8 @@
 """Attacks on communication links: frozen objects that map messages to messages."""
 
 from dgu_sim.attacks.bias import Bias
+from dgu_sim.attacks.context import AttackContext, Knowledge
 from dgu_sim.attacks.protocol import Attack
 from dgu_sim.attacks.registry import KINDS, build_attack, known_kind
 
-__all__ = ["KINDS", "Attack", "Bias", "build_attack", "known_kind"]
+__all__ = ["KINDS", "Attack", "AttackContext", "Bias", "Knowledge", "build_attack", "known_kind"]

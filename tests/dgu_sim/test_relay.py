@@ -18,7 +18,7 @@ POSITION = RELAY.links.index(LINK)
 
 
 def _plan(start_sec: float, stop_sec: float | None = None, link: Link = LINK) -> AttackPlan:
-    return AttackPlan(link=link, kind="bias", parameters=BIAS, start_sec=start_sec, stop_sec=stop_sec)
+    return AttackPlan(links=(link,), kind="bias", parameters=BIAS, start_sec=start_sec, stop_sec=stop_sec)
 
 
 def _run(state: RelayState, steps: int) -> tuple[RelayState, list[bool], list[RelayEvent]]:

@@ -58,7 +58,7 @@ def test_gallo_has_the_published_numbers(shipped: Callable[..., Scenario]) -> No
     assert {line.between: (line.resistance_ohm, line.inductance_h) for line in scenario.lines} == GALLO_LINES
     assert (scenario.coupling, scenario.secondary.gain) == (Coupling.HELD, 0.1)
     assert (scenario.steps, scenario.sampling_period_ns, len(scenario.links)) == (1000, 10_000_000, 14)
-    expected = AttackPlan(parameters={"bias": [0.1, 0.1, 0.1]}, link=Link(1, 2), kind="bias", start_sec=5.0)
+    expected = AttackPlan(parameters={"bias": [0.1, 0.1, 0.1]}, links=(Link(1, 2),), kind="bias", start_sec=5.0)
     assert [attack.plan for attack in scenario.attacks] == [expected]
 
 

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dgu_sim import settings as settings_module
-from dgu_sim.attacks import Attack
+from dgu_sim.attacks import Attack, AttackContext
 from dgu_sim.attacks import registry as registry_module
 from dgu_sim.linear import FloatArray
 from dgu_sim.records import Physical, Sample
@@ -32,8 +32,9 @@ NOISY = (
 class Losing(Attack):
     """Loses every third sample: a stateful attack, defined nowhere but here."""
 
-    def init(self) -> object:
+    def init(self, context: AttackContext) -> object:
         """Return the number of samples seen."""
+        del context
         return 0
 
     def step(self, state: object, samples: Sequence[Sample]) -> tuple[object, tuple[Sample, ...]]:
