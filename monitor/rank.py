@@ -26,7 +26,7 @@ _EXACT_GAP = 1e2  # exact data leave many decades between what is excited and wh
 _KNOWN_GAP = 3.0  # below it the directions of the known unknown inputs are mixed with noise
 _SEARCHED_GAP = 100.0  # a gap that has to be found, not only confirmed: random plants show tenfold gaps by chance
 _RUNNER_UP = 10.0  # and it must be larger by this than the next one
-_NOISE_MARGIN = 1.25  # the innovations are noise at two instants: their singular values spread wider than white noise
+_NOISE_SPREAD = 1.5  # singular values of pure noise spread by sqrt(n / N) about 1, wider for noise at two instants
 _OVERSTATED = 0.2  # noise values below this share of the stated level contradict it
 
 
@@ -175,7 +175,7 @@ def _noise_level(data: DataMatrices, innovations: NDArray[np.float64], noise_std
     covariance = np.diag(noise_std**2) + A @ np.diag(noise_std**2) @ A.T
     whitened = np.linalg.solve(np.linalg.cholesky(covariance), innovations)
     values = np.linalg.svd(whitened, compute_uv=False) / np.sqrt(columns)
-    ceiling = _NOISE_MARGIN * (1.0 + np.sqrt(n / columns))
+    ceiling = 1.0 + _NOISE_SPREAD * float(np.sqrt(n / columns))
     seen = int(np.count_nonzero(values > ceiling))
     if seen < n and values[seen] < _OVERSTATED:
         return (
@@ -192,7 +192,12 @@ def _noise_level(data: DataMatrices, innovations: NDArray[np.float64], noise_std
             1.0 - 1.0 / gap,
             (f"ambiguous rank: a singular value is only {gap:.2g} times the noise; excite more or give unknown_inputs"),
         )
-    return seen, RankBasis.NOISE_LEVEL, 1.0 - 1.0 / max(gap, 1.0), f"{seen} unknown inputs above the noise level"
+    return (
+        seen,
+        RankBasis.NOISE_LEVEL,
+        1.0 - 1.0 / max(gap, 1.0),
+        f"{seen} unknown inputs above the noise level, which would hide a weaker one",
+    )
 
 
 def _balanced_values(data: DataMatrices, innovations: NDArray[np.float64]) -> NDArray[np.float64]:

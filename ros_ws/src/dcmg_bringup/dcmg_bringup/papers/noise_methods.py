@@ -7,8 +7,10 @@ That floor divided by the residual gain is the smallest bias the observer can te
 
 from __future__ import annotations
 
+import sys
 from dataclasses import dataclass
 from itertools import product
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -23,7 +25,6 @@ from monitor.observers import LinearObserver, design
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     from numpy.typing import NDArray
 
@@ -57,10 +58,14 @@ class NoiseResult:
 
     Attributes:
         families: names, first axis.
+        noise_std: standard deviations of the noise, second axis.
+        samples: samples in the history, third axis.
         smallest: (families, noise levels, samples, methods, trials).
     """
 
     families: tuple[str, ...]
+    noise_std: tuple[float, ...]
+    samples: tuple[int, ...]
     smallest: NDArray[np.float64]
 
 
@@ -84,31 +89,38 @@ def families(seed: int = 0) -> tuple[Family, ...]:
     )
 
 
-def run(seed: int = 0, trials: int = 3, noise_std: Sequence[float] = NOISE_STD) -> NoiseResult:
+def run(
+    seed: int = 0, trials: int = 3, noise_std: Sequence[float] = NOISE_STD, samples: Sequence[int] = SAMPLES
+) -> NoiseResult:
     """Compare all methods; `trials` histories for each plant."""
     kinds = families(seed)
     count = max(len(family.plants) for family in kinds) * trials
-    smallest = np.full((len(kinds), len(noise_std), len(SAMPLES), len(METHODS), count), np.nan)
-    cases = product(enumerate(kinds), enumerate(noise_std), enumerate(SAMPLES), range(count))
-    for (row, family), (level, std), (size, samples), number in cases:
+    smallest = np.full((len(kinds), len(noise_std), len(samples), len(METHODS), count), np.nan)
+    cases = product(enumerate(kinds), enumerate(noise_std), enumerate(samples), range(count))
+    for (row, family), (level, std), (size, length), number in cases:
         A, E = family.plants[number % len(family.plants)]
         key = (seed, row, level, size, number)
-        once = _history((A, E), family.mean, samples, std, np.random.default_rng(key))
-        often = _history((A, E), family.mean, samples // REPEATS, std, np.random.default_rng(key), repeats=REPEATS)
+        once = _history((A, E), family.mean, length, std, np.random.default_rng(key))
+        often = _history((A, E), family.mean, length // REPEATS, std, np.random.default_rng(key), repeats=REPEATS)
         for position, method in enumerate(METHODS):
             observer = _designed(often if method == "averaging" else once, E.shape[1], method)
             if observer is not None:
                 online = np.random.default_rng(key)
                 smallest[row, level, size, position, number] = _smallest_bias((A, E), family.mean, observer, online)
-    return NoiseResult(families=tuple(family.name for family in kinds), smallest=smallest)
+    return NoiseResult(
+        families=tuple(family.name for family in kinds),
+        noise_std=tuple(noise_std),
+        samples=tuple(samples),
+        smallest=smallest,
+    )
 
 
 def table(result: NoiseResult) -> str:
     """Markdown: median smallest bias for each family, noise level and length; refused designs in brackets."""
     lines = ["| family | noise | samples | " + " | ".join(METHODS) + " |", "|---" * (len(METHODS) + 3) + "|"]
     for row, name in enumerate(result.families):
-        for level, std in enumerate(NOISE_STD[: result.smallest.shape[1]]):
-            for size, samples in enumerate(SAMPLES):
+        for level, std in enumerate(result.noise_std):
+            for size, samples in enumerate(result.samples):
                 cells = [_cell(result.smallest[row, level, size, method]) for method in range(len(METHODS))]
                 lines.append(f"| {name} | {std:g} | {samples} | " + " | ".join(cells) + " |")
     return "\n".join(lines)
@@ -137,9 +149,9 @@ def plot(result: NoiseResult, out_dir: Path) -> list[Path]:
     for row, column in product(range(rows), range(columns)):
         axes = grid[row][column]
         for position, method in enumerate(METHODS):
-            values = [_median(result.smallest[row, column, size, position]) for size in range(len(SAMPLES))]
-            axes.loglog(SAMPLES, values, "o-", label=method, markersize=3)
-        axes.set_title(f"{result.families[row]}, noise {NOISE_STD[column]:g}", fontsize=9)
+            values = [_median(result.smallest[row, column, size, position]) for size in range(len(result.samples))]
+            axes.loglog(result.samples, values, "o-", label=method, markersize=3)
+        axes.set_title(f"{result.families[row]}, noise {result.noise_std[column]:g}", fontsize=9)
         axes.grid(visible=True, alpha=0.3)
         if column == 0:
             axes.set_ylabel("smallest bias seen")
@@ -148,8 +160,18 @@ def plot(result: NoiseResult, out_dir: Path) -> list[Path]:
     grid[0][0].legend(fontsize=7)
     out_dir.mkdir(parents=True, exist_ok=True)
     path = out_dir / "noise_methods.png"
-    figure.savefig(path, dpi=120)
+    figure.savefig(path, dpi=80)
     return [path]
+
+
+def write(out_dir: Path, seed: int = 1, trials: int = 8) -> list[Path]:
+    """Measure anew and write the table (noise_methods.md) and the picture of docs/noise.md; takes some minutes."""
+    result = run(seed, trials)
+    lines = [f"- {method}: {factor:.2f}, {refused:.1%} refused" for method, factor, refused in ranking(result)]
+    out_dir.mkdir(parents=True, exist_ok=True)
+    path = out_dir / "noise_methods.md"
+    path.write_text("\n".join([table(result), "", *lines, ""]))
+    return [path, *plot(result, out_dir)]
 
 
 def _history(
@@ -213,3 +235,7 @@ def _cell(values: NDArray[np.float64]) -> str:
     refused = int(np.count_nonzero(~np.isfinite(values)))
     note = f" ({refused} refused)" if refused else ""
     return f"{_median(values):.2g}{note}" if refused < len(values) else "all refused"
+
+
+if __name__ == "__main__":
+    write(Path(sys.argv[1]))
