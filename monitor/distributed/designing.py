@@ -1,0 +1,185 @@
+"""The distributed data-driven UIO (D): from the data of every node to the observers of all."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+from pydantic import ConfigDict, Field
+from pydantic.dataclasses import dataclass as checked_dataclass
+
+from monitor.distributed.gains import (
+    NodeGains,
+    assemble,
+    best_coupling,
+    coupling_bound,
+    error_dynamics,
+    leader_gain,
+    stability,
+)
+from monitor.distributed.node import NodeObserver
+from monitor.distributed.report import DistributedDesign, DistributedReport
+from monitor.distributed.solution import NodeSolution, solve_node, undetectable
+from monitor.errors import MonitorError
+from monitor.options import parse_options
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping, Sequence
+
+    from numpy.typing import NDArray
+
+    from monitor.distributed.network import Network
+    from monitor.distributed.regressors import Regressors
+
+KIND = "distributed"
+
+
+@checked_dataclass(frozen=True, slots=True, kw_only=True, config=ConfigDict(extra="forbid"))
+class DistributedOptions:
+    """Options of the distributed design.
+
+    Attributes:
+        unknown_inputs: r of every node, when known; needed for noisy data without a clear gap.
+        leader: number of the leading node, from 0; the first that may lead unless given.
+        chi: coupling; 1.1 times D (13) in continuous time and the best of a search when sampled, unless given.
+    """
+
+    unknown_inputs: tuple[int, ...] | None = None
+    leader: int | None = Field(default=None, ge=0)
+    chi: float | None = Field(default=None, gt=0.0)
+
+
+_MARGIN = 1.1  # times the bound (13)
+
+
+def design(data: Sequence[Regressors], network: Network, options: Mapping[str, object]) -> DistributedDesign:
+    """Design the network from data alone, D Theorem 4; a refusal is a value that names the violated condition.
+
+    Args:
+        data: of every node, in the order of the network; all in one form.
+        network: who exchanges estimates with whom.
+        options: see DistributedOptions.
+
+    Raises:
+        MonitorError: numbers of nodes, states or forms that do not fit together, or an option that does not fit.
+    """
+    chosen = parse_options(DistributedOptions, options, KIND)
+    _check(data, network, chosen)
+    report = DistributedReport(sampled=data[0].sampled, nodes=network.nodes, states=len(data[0].X))
+    if reason := disconnected(network):
+        return refused(reason, report, network)
+    solutions: list[NodeSolution] = []
+    for node, one in enumerate(data):
+        known = None if chosen.unknown_inputs is None else chosen.unknown_inputs[node]
+        found = solve_node(one, known)
+        if isinstance(found, str):
+            return refused(f"node {node + 1}: {found}", report, network)
+        solutions.append(found)
+    return design_network(solutions, network, chosen, report)
+
+
+def design_network(
+    solutions: Sequence[NodeSolution], network: Network, options: DistributedOptions, report: DistributedReport
+) -> DistributedDesign:
+    """Pick the leader and the coupling and prove that the errors of the whole network converge."""
+    failing = [undetectable(one, sampled=report.sampled) for one in solutions]
+    may_lead = tuple(node for node, modes in enumerate(failing) if not len(modes))
+    report = replace(
+        report,
+        may_lead=may_lead,
+        unknown_inputs=tuple(one.unknown_inputs for one in solutions),
+        misfit=tuple(one.misfit for one in solutions),
+    )
+    leader = options.leader if options.leader is not None else (may_lead[0] if may_lead else None)
+    if leader is None or leader not in may_lead:
+        node = 0 if leader is None else leader
+        who = "no node can lead" if leader is None else f"node {node + 1} cannot lead"
+        modes = ", ".join(f"{mode:.4g}" for mode in failing[node])
+        return refused(
+            f"{who}: condition (19) of D fails, for node {node + 1} at s = {modes} (undetectable)", report, network
+        )
+    Lt = leader_gain(solutions[leader], sampled=report.sampled)
+    bound = None if report.sampled else coupling_bound(solutions, network, leader)
+    chi = options.chi or _coupling(solutions, network, leader, Lt, bound)
+    gains = tuple(assemble(solutions, leader, Lt, chi))
+    reached = stability(error_dynamics(gains, network), sampled=report.sampled)
+    report = replace(report, leader=leader, chi=chi, chi_bound=bound, stability=reached)
+    if reached >= (1.0 if report.sampled else 0.0):
+        limit = "spectral radius" if report.sampled else "spectral abscissa"
+        hint = "" if bound is None else f", D (13) asks for chi > {bound:.4g}"
+        return refused(f"chi = {chi:.4g} leaves the {limit} of the errors at {reached:.4g}{hint}", report, network)
+    report = replace(
+        report,
+        convergence=float(np.log(0.01) / (np.log(max(reached, 1e-300)) if report.sampled else reached)),
+        departures=tuple(departure(gains, network, node, sampled=report.sampled) for node in range(network.nodes)),
+    )
+    return DistributedDesign(
+        accepted=True,
+        verdict=_verdict(report),
+        report=report,
+        network=network,
+        gains=gains,
+        observers=tuple(observer_of(gains, network, node) for node in range(network.nodes)) if report.sampled else (),
+    )
+
+
+def departure(gains: Sequence[NodeGains], network: Network, node: int, *, sampled: bool) -> float:
+    """Stability of the errors of the others when one node is silent; -inf or 0 when nobody is left."""
+    rest = [one for one in range(network.nodes) if one != node]
+    matrix = error_dynamics(gains, network.without((node,)))
+    n = len(gains[0].E)
+    kept = [one * n + row for one in rest for row in range(n)]
+    if not kept:
+        return 0.0 if sampled else -np.inf
+    return stability(matrix[np.ix_(kept, kept)], sampled=sampled)
+
+
+def observer_of(gains: Sequence[NodeGains], network: Network, node: int) -> NodeObserver:
+    """The running part of one node of a sampled network."""
+    neighbours = network.neighbours(node)
+    weights = tuple(float(network.adjacency[node, other]) for other in neighbours)
+    return NodeObserver(gains=gains[node], neighbours=neighbours, weights=weights)
+
+
+def disconnected(network: Network) -> str | None:
+    """Why assumption 1 of D fails, if it does."""
+    lost = network.unreachable()
+    if not lost:
+        return None
+    listed = ", ".join(str(node + 1) for node in lost)
+    return f"assumption 1 of D fails: the graph is not connected, no path from node 1 to {listed}"
+
+
+def refused(reason: str, report: DistributedReport, network: Network) -> DistributedDesign:
+    """A design that did not come about, with the reason in one line."""
+    return DistributedDesign(accepted=False, verdict=f"refused: {reason}", report=report, network=network)
+
+
+def _coupling(
+    solutions: Sequence[NodeSolution], network: Network, leader: int, Lt: NDArray[np.float64], bound: float | None
+) -> float:
+    """Coupling when none is asked for."""
+    if bound is None:
+        return best_coupling(solutions, network, leader, Lt)
+    return _MARGIN * bound if bound > 0.0 else 1.0  # (13) allows any positive coupling then
+
+
+def _check(data: Sequence[Regressors], network: Network, options: DistributedOptions) -> None:
+    if len(data) != network.nodes:
+        raise MonitorError(f"data of {len(data)} nodes, expected {network.nodes} as in the network")
+    if len({len(one.X) for one in data}) != 1 or len({one.sampled for one in data}) != 1:
+        raise MonitorError("nodes differ in the number of states or in the form of their data, expected the same")
+    if options.unknown_inputs is not None and len(options.unknown_inputs) != len(data):
+        raise MonitorError(f"{len(options.unknown_inputs)} numbers of unknown inputs for {len(data)} nodes")
+    if options.leader is not None and options.leader >= network.nodes:
+        raise MonitorError(f"leader is {options.leader}, expected 0 to {network.nodes - 1}")
+
+
+def _verdict(report: DistributedReport) -> str:
+    unit = "steps" if report.sampled else "time units"
+    kind = "radius" if report.sampled else "abscissa"
+    return (
+        f"accepted: {report.nodes} nodes led by node {(report.leader or 0) + 1}, chi = {report.chi:.4g}; errors of the "
+        f"whole network shrink to 1 % in {report.convergence:.3g} {unit} ({kind} {report.stability:.4g})"
+    )

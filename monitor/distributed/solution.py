@@ -1,0 +1,137 @@
+"""What the data of one node say: conditions (18), (19) and the construction (20) with a T_y of the right rank."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from monitor.acceptor import unobservable
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from monitor.distributed.regressors import Regressors
+
+_EXACT = 1e-9  # relative: exact data leave rounding below it
+_CLEAR = 10.0  # noisy data must show the number of unknown inputs by a gap this large
+_KNOWN = 3.0  # or this large when the number is given
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class NodeSolution:
+    """Xdot = T_x X + T_u U + T_y Ydot with rank T_y = r, D (20); H = T_y, F = T_u, E = T_x for a node without gain.
+
+    Attributes:
+        T_x: (n, n) = (I - H C) A.
+        T_u: (n, m) = (I - H C) B.
+        T_y: (n, p) = H.
+        C: (p, n) = Y X^+.
+        unknown_inputs: r.
+        start: (n,) mean state of the data, where estimates start.
+        misfit: |Xdot - T_x X - T_u U - T_y Ydot| / |Xdot|.
+    """
+
+    T_x: NDArray[np.float64]
+    T_u: NDArray[np.float64]
+    T_y: NDArray[np.float64]
+    C: NDArray[np.float64]
+    unknown_inputs: int
+    start: NDArray[np.float64]
+    misfit: float
+
+
+def solve_node(data: Regressors, unknown_inputs: int | None) -> NodeSolution | str:
+    """Solve (20) for one node, or say which condition fails.
+
+    With Pi the projector that removes X and U, Xdot Pi = Bbar W Pi and Ydot Pi = C Bbar W Pi, so the leading r left
+    singular vectors of [Xdot Pi; Ydot Pi] span [Bbar; C Bbar]: T_y = (Xdot Pi)(Ydot Pi)^+ on those r directions has
+    rank r, which the plain pseudo-inverse of (20) does not guarantee.
+
+    Args:
+        data: the node's data matrices.
+        unknown_inputs: r, if it is known.
+    """
+    n, m = len(data.X), len(data.U)
+    if data.columns < n + m + 1:
+        return (
+            f"{data.columns} columns, expected at least {n + m + 1} for {n} states and {m} known inputs: record longer"
+        )
+    known = np.vstack([data.U, data.X])
+    row_space = _row_space(known)
+    if len(row_space) < n + m:
+        return f"assumption 5 of D fails: rank [U; X] is {len(row_space)}, expected {n + m}: excite more"
+    left = np.vstack([data.Xdot, data.Ydot])
+    left = left - (left @ row_space.T) @ row_space
+    directions, values, _ = np.linalg.svd(left, full_matrices=False)
+    scale = float(np.linalg.norm(np.vstack([data.Xdot, data.Ydot]), 2))
+    r, noise = _count(values, scale, unknown_inputs, n)
+    if r is None:
+        listed = ", ".join(f"{value:.2g}" for value in values[: n + 1])
+        expected = "a clear gap" if unknown_inputs is None else f"{unknown_inputs} unknown inputs"
+        return f"the number of unknown inputs is not clear: singular values {listed}, expected {expected}"
+    Bbar, C_Bbar = np.split(directions[:, :r], [n])
+    seen = np.linalg.svd(C_Bbar, compute_uv=False) if r else np.ones(1)
+    shown = int(np.count_nonzero(seen > max(_EXACT, noise)))
+    if r and (len(C_Bbar) < r or shown < r):
+        total = n + m + r
+        return f"condition (18) of D fails: rank [U; Ydot; X] is {n + m + shown}, rank with Xdot {total}"
+    T_y = Bbar @ np.linalg.pinv(C_Bbar) if r else np.zeros((n, len(data.Y)))
+    coefficients = (data.Xdot - T_y @ data.Ydot) @ np.linalg.pinv(known)
+    T_u, T_x = np.split(coefficients, [m], axis=1)
+    misfit = data.Xdot - T_x @ data.X - T_u @ data.U - T_y @ data.Ydot
+    return NodeSolution(
+        T_x=T_x,
+        T_u=T_u,
+        T_y=np.asarray(T_y),
+        C=_output_map(data),
+        unknown_inputs=r,
+        start=np.mean(data.X, axis=1),
+        misfit=float(np.linalg.norm(misfit) / np.linalg.norm(data.Xdot)),
+    )
+
+
+def undetectable(solution: NodeSolution, *, sampled: bool) -> NDArray[np.complex128]:
+    """Values s in the unstable region at which (19), rank [s X - Xdot; U; Y] = n + m + r, fails; empty: may lead.
+
+    They are the unobservable modes of (T_x, C) there.
+    """
+    hidden = unobservable(solution.T_x, solution.C)
+    modes = np.linalg.eigvals(hidden.T @ solution.T_x @ hidden) if hidden.size else np.zeros(0)
+    unstable = np.abs(modes) >= 1.0 - _EXACT if sampled else modes.real >= -_EXACT
+    return modes[unstable].astype(np.complex128)
+
+
+def _row_space(known: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Orthonormal rows spanning those of [U; X]; rows are scaled to unit size first."""
+    sizes = np.linalg.norm(known, axis=1, keepdims=True)
+    balanced = np.divide(known, sizes, out=np.zeros_like(known), where=sizes > 0.0)
+    _, values, right = np.linalg.svd(balanced, full_matrices=False)
+    return np.asarray(right[: int(np.count_nonzero(values > _EXACT * np.max(values, initial=_EXACT)))])
+
+
+def _count(values: NDArray[np.float64], scale: float, known: int | None, n: int) -> tuple[int | None, float]:
+    """Number r of directions that unknown inputs move, and the first value beyond it relative to the last kept."""
+    seen = int(np.count_nonzero(values > _EXACT * scale))
+    if seen < min(n, len(values)) and (known is None or known == seen):
+        return seen, 0.0  # outputs that copy states leave rank n even of pure noise, so n proves nothing
+    possible = [known] if known is not None else list(range(1, n))
+    possible = [one for one in possible if 0 < one < min(len(values), seen + 1)]
+    if not possible:
+        return (0, 1.0) if known == 0 else (None, 1.0)
+    gaps = [float(values[one - 1] / max(values[one], _EXACT * scale)) for one in possible]
+    best = int(np.argmax(gaps))
+    if gaps[best] < (_CLEAR if known is None else _KNOWN):
+        return None, 1.0
+    return possible[best], 1.0 / gaps[best]
+
+
+def _output_map(data: Regressors) -> NDArray[np.float64]:
+    """C = Y X^+; sensors that copy states get their whole numbers when the data do not contradict them."""
+    C = data.Y @ np.linalg.pinv(data.X)
+    rounded = np.round(C)
+    slack = 1.0 + np.sqrt(C.shape[1] / data.columns)  # what the fit gains from noise alone
+    near = np.linalg.norm(data.Y - rounded @ data.X) <= slack * np.linalg.norm(data.Y - C @ data.X)
+    exact = np.linalg.norm(data.Y - rounded @ data.X) <= _EXACT * np.linalg.norm(data.Y)
+    return np.asarray(rounded if near or exact else C)
