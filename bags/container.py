@@ -1,6 +1,7 @@
 """Reading a rosbag2 directory of MCAP files chunk by chunk, each channel's messages as one numpy array."""
 
 import struct
+import zlib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -15,12 +16,12 @@ from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.reader import make_reader
 from mcap.records import Channel, Chunk, ChunkIndex
-from mcap.stream_reader import get_chunk_data_stream
 from mcap.summary import Summary
 from numpy.typing import NDArray
 
 from bags.chunk import MESSAGE_HEAD, MESSAGE_HEAD_LENGTH
 from bags.errors import BagError
+from bags.expand import expand
 from bags.metadata import METADATA_FILE, ROOT_KEY
 from bags.yaml_text import load
 
@@ -154,7 +155,7 @@ def readable(file: Path) -> Iterator[None]:
         if isinstance(error, McapError) and not _ends_properly(file):
             raise BagError(
                 f"{file}: the file breaks off without an MCAP footer, as when its recorder was killed; its complete "
-                "chunks are intact: `mcap recover` of the MCAP command line tool restores them"
+                f"chunks are intact: `dcmg bag repair {file.parent}` restores them"
             ) from error
         raise BagError(f"{file}: damaged ({' '.join(str(error).split()) or type(error).__name__})") from error
 
@@ -174,7 +175,8 @@ def _information(path: Path) -> dict[str, Any]:
     if not file.is_file():
         if any(path.glob("*.mcap")):
             raise BagError(
-                f"{path}: {METADATA_FILE} is missing, as when the recorder was killed before it closed the bag"
+                f"{path}: {METADATA_FILE} is missing, as when the recorder was killed before it closed the bag: "
+                f"`dcmg bag repair {path}` restores it"
             )
         raise BagError(f"{path}: holds no {METADATA_FILE}, expected a rosbag2 directory")
     try:
@@ -189,8 +191,14 @@ def _information(path: Path) -> dict[str, Any]:
 
 def _view(raw: bytes, index: ChunkIndex) -> ChunkView:
     stream = ReadDataStream(BytesIO(raw[_RECORD_HEAD.size : index.chunk_length]))
-    content, length = get_chunk_data_stream(Chunk.read(stream), validate_crc=True)
-    data = np.frombuffer(content.read(length), dtype=np.uint8)
+    chunk = Chunk.read(stream)
+    try:
+        content = expand(chunk.compression, chunk.data)
+    except BagError as error:
+        raise McapError(str(error)) from error  # `readable` names the file
+    if chunk.uncompressed_crc and zlib.crc32(content) != chunk.uncompressed_crc:
+        raise McapError("a chunk's check sum does not fit its content")
+    data = np.frombuffer(content, dtype=np.uint8)
     return ChunkView(data=data, offsets=_offsets(memoryview(raw)[index.chunk_length :]))
 
 

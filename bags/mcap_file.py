@@ -2,12 +2,14 @@
 
 The library's own writer takes one message at a time. This one also takes the bytes of many messages at once, because
 the offline simulation writes hundreds of thousands of messages a second. Chunks go to the operating system as soon
-as they are closed, so what a killed process loses is the open chunk.
+as they are closed, so what a killed process loses is the open chunk. When the disk refuses, the file is cut back to
+its last complete chunk, and further while there is no room for the summary.
 """
 
 import struct
 import zlib
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
 from typing import Protocol, cast, final
@@ -35,6 +37,7 @@ from mcap.writer import LIBRARY_IDENTIFIER, MCAP0_MAGIC
 
 from bags.chunk import OpenChunk
 
+OURS = "dcmg; "  # who wrote a file: what we wrote can be checked more strictly
 _ZSTD_LEVEL = 1  # 1.5 times as fast as the default 3, and no larger on our data
 
 
@@ -48,6 +51,17 @@ class Compression(Enum):
 
 class _Record(Protocol):
     def write(self, stream: RecordBuilder) -> None: ...
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Mark:
+    """What the file was before one of its chunks, so that the chunk can be taken back."""
+
+    position: int
+    crc: int
+    counts: Mapping[int, int]  # messages in the chunk by channel id
+    time_range_ns: tuple[int, int]
 
 
 @final
@@ -65,7 +79,9 @@ class McapFile:
         Raises:
             OSError: The file exists or cannot be created.
         """
-        self._stream = path.open("xb")
+        self._stream = path.open("xb", buffering=0)
+        self._position, self._crc = 0, 0
+        self._marks: list[_Mark] = []
         self._compression = compression
         self._compress = _compressor(compression)
         self._definitions: dict[Opcode, list[bytes]] = {Opcode.SCHEMA: [], Opcode.CHANNEL: []}
@@ -76,20 +92,30 @@ class McapFile:
         }
         self._counts: dict[int, int] = {}  # messages by channel id
         self._start_ns, self._end_ns = 2**64 - 1, 0
-        self._stream.write(MCAP0_MAGIC)
-        self._append(Header(profile=profile, library=LIBRARY_IDENTIFIER))
+        self._write(MCAP0_MAGIC)
+        self._append(Header(profile=profile, library=f"{OURS}{LIBRARY_IDENTIFIER}"))
 
     @property
     def time_range_ns(self) -> tuple[int, int]:
         """Earliest and latest log time [ns]; (0, 0) without messages."""
         return (self._start_ns, self._end_ns) if self._indexes[Opcode.CHUNK_INDEX] else (0, 0)
 
+    @property
+    def size(self) -> int:
+        """Bytes in the file."""
+        return self._position
+
+    @property
+    def counts(self) -> Mapping[int, int]:
+        """Messages in the file by channel id; the open chunk does not count."""
+        return dict(self._counts)
+
     def add_schema(self, name: str, encoding: str, data: bytes) -> int:
         """Append a schema and return its id."""
         known = self._definitions[Opcode.SCHEMA]
         record = _encode(Schema(id=len(known) + 1, name=name, encoding=encoding, data=data))
         known.append(record)
-        self._stream.write(record)
+        self._write(record)
         return len(known)
 
     def add_channel(self, topic: str, encoding: str, schema_id: int, metadata: Mapping[str, str]) -> int:
@@ -104,7 +130,7 @@ class McapFile:
         )
         record = _encode(channel)
         known.append(record)
-        self._stream.write(record)
+        self._write(record)
         self._counts[channel.id] = 0
         return channel.id
 
@@ -129,10 +155,14 @@ class McapFile:
         self._indexes[Opcode.METADATA_INDEX].append(_encode(MetadataIndex(offset=offset, length=length, name=name)))
 
     def add_chunk(self, chunk: OpenChunk) -> None:
-        """Close a chunk: compress it, write it with its message indexes and hand all to the operating system."""
+        """Close a chunk: compress it, write it with its message indexes and hand all to the operating system.
+
+        Raises:
+            OSError: The disk refuses; the file is cut back to the chunk before.
+        """
         start_ns, end_ns = chunk.time_range_ns()
         data = self._compress(chunk.buffer)
-        offset, length = self._append(
+        record = _encode(
             Chunk(
                 compression=self._compression.value,
                 data=data,
@@ -142,14 +172,19 @@ class McapFile:
                 uncompressed_size=len(chunk.buffer),
             )
         )
-        offsets, counts, index_records = chunk.index_records(offset + length)
-        self._stream.write(index_records)
-        self.flush()
+        offset, crc = self._position, self._crc
+        offsets, counts, index_records = chunk.index_records(offset + len(record))
+        try:
+            self._write(record)
+            self._write(index_records)
+        except OSError:
+            self._cut(offset, crc)
+            raise
         index = ChunkIndex(
             message_start_time=start_ns,
             message_end_time=end_ns,
             chunk_start_offset=offset,
-            chunk_length=length,
+            chunk_length=len(record),
             message_index_offsets=offsets,
             message_index_length=len(index_records),
             compression=self._compression.value,
@@ -157,18 +192,58 @@ class McapFile:
             uncompressed_size=len(chunk.buffer),
         )
         self._indexes[Opcode.CHUNK_INDEX].append(_encode(index))
+        self._marks.append(_Mark(position=offset, crc=crc, counts=counts, time_range_ns=(self._start_ns, self._end_ns)))
         for channel_id, count in counts.items():
             self._counts[channel_id] += count
         self._start_ns, self._end_ns = min(self._start_ns, start_ns), max(self._end_ns, end_ns)
 
-    def flush(self) -> None:
-        """Hand everything written to the operating system."""
-        self._stream.flush()
+    def drop_last_chunk(self) -> bool:
+        """Take the last chunk back, with everything behind it, to make room; False when there is none.
 
-    def finish(self) -> None:
-        """Write summary and footer and close the file."""
-        self._append(DataEnd(data_section_crc=0))
-        summary_start = self._stream.tell()
+        Attachments and metadata behind the chunk go with it.
+        """
+        if not self._marks:
+            return False
+        mark = self._marks.pop()
+        self._indexes[Opcode.CHUNK_INDEX].pop()
+        for channel_id, count in mark.counts.items():
+            self._counts[channel_id] -= count
+        self._start_ns, self._end_ns = mark.time_range_ns
+        for kind in (Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX):
+            # an index record starts with opcode, length and the offset of what it points to
+            kept = [one for one in self._indexes[kind] if struct.unpack_from("<Q", one, 9)[0] < mark.position]
+            self._indexes[kind] = kept
+        self._cut(mark.position, mark.crc)
+        return True
+
+    def finish(self, metadata: Mapping[str, Mapping[str, str]] | None = None) -> None:
+        """Write summary and footer.
+
+        Args:
+            metadata: Metadata records to put before the summary, by name.
+
+        Raises:
+            OSError: The disk refuses; the file is cut back to what it was.
+        """
+        position, crc, known = self._position, self._crc, list(self._indexes[Opcode.METADATA_INDEX])
+        try:
+            for name, values in (metadata or {}).items():
+                self.add_metadata(name, values)
+            self._append(DataEnd(data_section_crc=self._crc))
+            self._write(self._summary())
+            self._write(MCAP0_MAGIC)
+        except OSError:
+            self._indexes[Opcode.METADATA_INDEX] = known
+            self._cut(position, crc)
+            raise
+
+    def close(self) -> None:
+        """Close the file as it is."""
+        self._stream.close()
+
+    def _summary(self) -> bytes:
+        """Summary section and footer."""
+        start = self._position
         groups = {
             Opcode.SCHEMA: self._definitions[Opcode.SCHEMA],
             Opcode.CHANNEL: self._definitions[Opcode.CHANNEL],
@@ -178,29 +253,39 @@ class McapFile:
         summary, offsets = bytearray(), bytearray()
         for opcode, records in groups.items():
             if records:
-                start = summary_start + len(summary)
-                summary += b"".join(records)
-                length = summary_start + len(summary) - start
-                offsets += _encode(SummaryOffset(group_opcode=opcode, group_start=start, group_length=length))
-        offset_start = summary_start + len(summary)
+                group = b"".join(records)
+                at = start + len(summary)
+                offsets += _encode(SummaryOffset(group_opcode=opcode, group_start=at, group_length=len(group)))
+                summary += group
+        offset_start = start + len(summary)
         summary += offsets
         # the summary's check sum runs over the footer up to the check sum itself
-        footer_start = struct.pack("<BQQQ", Opcode.FOOTER, 20, summary_start, offset_start)
-        crc = zlib.crc32(footer_start, zlib.crc32(summary))
-        self._stream.write(summary)
-        self._append(Footer(summary_start=summary_start, summary_offset_start=offset_start, summary_crc=crc))
-        self._stream.write(MCAP0_MAGIC)
-        self._stream.close()
+        crc = zlib.crc32(struct.pack("<BQQQ", Opcode.FOOTER, 20, start, offset_start), zlib.crc32(summary))
+        summary += _encode(Footer(summary_start=start, summary_offset_start=offset_start, summary_crc=crc))
+        return bytes(summary)
 
-    def abandon(self) -> None:
-        """Close the file as it is, without a summary."""
-        self._stream.close()
+    def _cut(self, position: int, crc: int) -> None:
+        self._stream.truncate(position)
+        self._stream.seek(position)
+        self._position, self._crc = position, crc
+
+    def _write(self, data: bytes) -> None:
+        """Hand bytes to the operating system: a killed process leaves them behind.
+
+        Raises:
+            OSError: The disk refuses.
+        """
+        left = memoryview(data)
+        while left:
+            left = left[self._stream.write(left) :]
+        self._position += len(data)
+        self._crc = zlib.crc32(data, self._crc)
 
     def _append(self, record: _Record) -> tuple[int, int]:
         """Write a record; return where it starts and how long it is."""
-        offset = self._stream.tell()
+        offset = self._position
         data = _encode(record)
-        self._stream.write(data)
+        self._write(data)
         return offset, len(data)
 
     def _statistics(self) -> Statistics:

@@ -1,4 +1,4 @@
-"""Recording a run: a rosbag2 directory with one MCAP file and metadata.yaml."""
+"""Recording a run: a rosbag2 directory with MCAP files and metadata.yaml."""
 
 import time
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,7 +16,7 @@ from bags.blocks import BlockFormat, block_format, head_field
 from bags.chunk import MESSAGE_HEAD, MESSAGE_HEAD_LENGTH, OpenChunk
 from bags.errors import BagError
 from bags.mcap_file import Compression, McapFile
-from bags.metadata import METADATA_FILE, BagInfo, offered_qos_text, whole_document
+from bags.metadata import BagInfo, FileEntry, TopicEntry, offered_qos_text, write_metadata
 from bags.topic import Topic
 from bags.typestore import schema_text, type_hash
 
@@ -192,26 +192,40 @@ class BagWriter:
         """
         if not self._open:
             return
-        self._open = False
         try:
             self.flush()
-            start_ns, end_ns = self._file.time_range_ns
-            info = BagInfo(
-                file=f"{self._path.name}_0.mcap",
-                counts=[(topic, self._sequences[topic.name]) for topic in self._topics.values()],
-                start_ns=start_ns,
-                end_ns=end_ns,
-                custom=self._custom,
-            )
-            information = info.to_yaml()
-            with self._disk():
-                self._file.add_metadata("rosbag2", {"serialized_metadata": information})
-                self._file.finish()
-                draft = self._path / f"{METADATA_FILE}.tmp"
-                draft.write_text(whole_document(information), "utf-8")
-                draft.replace(self._path / METADATA_FILE)
         finally:
-            self._file.abandon()
+            if self._open:
+                self._finish()
+
+    def _finish(self) -> None:
+        """Complete the bag; chunks are dropped from its end while there is no room for summary and metadata.
+
+        Raises:
+            BagError: Not even the summary of an empty file has room.
+        """
+        self._open = False
+        try:
+            with self._disk():
+                while True:
+                    try:
+                        self._file.finish({"rosbag2": {"serialized_metadata": self._information()}})
+                        write_metadata(self._path, self._information())
+                    except OSError:
+                        if not self._file.drop_last_chunk():
+                            raise
+                    else:
+                        return
+        finally:
+            self._file.close()
+
+    def _information(self) -> str:
+        start_ns, end_ns = self._file.time_range_ns
+        counts = self._file.counts
+        entries = [TopicEntry.of(topic, counts[self._channel_ids[name]]) for name, topic in self._topics.items()]
+        name, total = f"{self._path.name}_0.mcap", sum(counts.values())
+        file = FileEntry(name=name, start_ns=start_ns, end_ns=end_ns, count=total)
+        return BagInfo(files=[file], topics=entries, custom=self._custom).to_yaml()
 
     def __enter__(self) -> "BagWriter":
         """Return self."""
@@ -225,8 +239,15 @@ class BagWriter:
 
     def _close_chunk(self) -> None:
         chunk, self._chunk = self._chunk, OpenChunk()
-        with self._disk():
+        try:
             self._file.add_chunk(chunk)
+        except OSError as error:
+            self._finish()
+            _, end_ns = self._file.time_range_ns
+            raise BagError(
+                f"{self._path}: cannot write the bag ({error.strerror or error}); it is closed and valid up to "
+                f"{end_ns * 1e-9:g} s, {sum(self._file.counts.values())} messages"
+            ) from error
 
     def _expectation(self) -> str:
         return "an announced topic" if self._open else "nothing more: the bag is closed"

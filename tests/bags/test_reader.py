@@ -134,7 +134,7 @@ def _spoil(bag: Path, folder: Path, spoil: Callable[[bytes], bytes]) -> Path:
 def test_truncated_bag_says_so(bag: Path, tmp_path: Path) -> None:
     """A file without its end is told apart from other damage, with what can be done."""
     spoilt = _spoil(bag, tmp_path, lambda data: data[: len(data) // 2])
-    with pytest.raises(BagError, match=r"breaks off without an MCAP footer, .* `mcap recover`"):
+    with pytest.raises(BagError, match=r"breaks off without an MCAP footer, .* `dcmg bag repair"):
         read_run(spoilt)
 
 
