@@ -5,11 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
-import numpy as np
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from monitor.detectors.protocol import Phase, Verdict
+from monitor.detectors.schedule import restarted
 from monitor.errors import MonitorError
 from monitor.linear import anywhere, is_missing, larger, select
 from monitor.options import parse_options
@@ -73,6 +73,14 @@ class FixedDetector:
     margin: float
     floor: tuple[float, ...]
 
+    @property
+    def promise(self) -> str:
+        """The false-alarm promise, one line."""
+        return (
+            f"none that can be stated: the threshold is {self.margin:g} times the largest of {self.calibrate_steps} "
+            "attack-free residuals, a rule of thumb"
+        )
+
     def init(self, outputs: int) -> FixedState:
         """State before the first residual of `outputs` components.
 
@@ -86,7 +94,7 @@ class FixedDetector:
     def step(self, state: FixedState, residual: Vector) -> tuple[FixedState, Verdict]:
         """Take the next residual."""
         missing = is_missing(residual[0])  # observers spread a NaN to every component
-        age = _restart(missing, state.age)
+        age = restarted(missing, state.age)
         settled = age > self.settle_steps
         learning = settled & (state.learned < self.calibrate_steps)
         armed = settled & (state.learned >= self.calibrate_steps)
@@ -119,13 +127,6 @@ class FixedDetector:
         if len(floor) != outputs:
             raise MonitorError(f"{KIND}: floor has {len(floor)} components, expected 1 or {outputs}")
         return floor
-
-
-def _restart(missing: Flag, age: Count) -> Count:
-    """Samples since the last missing one."""
-    if isinstance(missing, bool):
-        return 0 if missing else age + 1
-    return np.where(missing, 0, age + 1)
 
 
 def build(options: Mapping[str, object], sampling_period_sec: float) -> FixedDetector:

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from enum import IntEnum
-from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 if TYPE_CHECKING:
     from monitor.linear import Count, Flag, Vector
+    from monitor.observers.protocol import Observer
 
 
 class Phase(IntEnum):
@@ -38,8 +39,28 @@ State = TypeVar("State")
 class Detector(Protocol[State]):
     """Turns residuals into alarms; a residual that is all NaN is a sample that never came."""
 
+    @property
+    def promise(self) -> str:
+        """What it promises about false alarms, on which condition and how that was set; one line."""
+
     def init(self, outputs: int) -> State:
         """State before the first residual of `outputs` components."""
 
     def step(self, state: State, residual: Vector) -> tuple[State, Verdict]:
         """Take the next residual."""
+
+
+@runtime_checkable
+class ObserverDependent(Protocol):
+    """A detector that computes its threshold from the observer whose residual it judges."""
+
+    def matched(self, observer: Observer) -> Any:  # noqa: ANN401 - the same kind of detector
+        """Return the detector set up for an observer."""
+
+
+def matched(detector: Detector[Any], observer: Observer) -> Detector[Any]:
+    """Return the detector as it must be on an observer's residual: most do not care which one."""
+    if not isinstance(detector, ObserverDependent):
+        return detector
+    fitted: Detector[Any] = detector.matched(observer)
+    return fitted

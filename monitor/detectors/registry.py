@@ -4,15 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Any
 
-from monitor.detectors import fixed
+from monitor.detectors import calibrated, chi_squared, cusum, fixed, n_of_m, noise_bound
 from monitor.errors import MonitorError
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from monitor.detectors.protocol import Detector
-
-KINDS: dict[str, Callable[[Mapping[str, object], float], Detector[Any]]] = {fixed.KIND: fixed.build}
 
 
 def build(kind: str, options: Mapping[str, object], sampling_period_sec: float) -> Detector[Any]:
@@ -24,3 +22,13 @@ def build(kind: str, options: Mapping[str, object], sampling_period_sec: float) 
     if kind not in KINDS:
         raise MonitorError(f"detector kind is {kind!r}, expected one of {', '.join(sorted(KINDS))}")
     return KINDS[kind](options, sampling_period_sec)
+
+
+KINDS: dict[str, Callable[[Mapping[str, object], float], Detector[Any]]] = {
+    fixed.KIND: fixed.build,
+    noise_bound.KIND: noise_bound.build,
+    chi_squared.KIND: chi_squared.build,
+    cusum.KIND: cusum.build,
+    n_of_m.KIND: n_of_m.builder(build),
+    calibrated.KIND: calibrated.build,
+}

@@ -102,7 +102,7 @@ def test_options_in_seconds_become_steps() -> None:
 @pytest.mark.parametrize(
     ("kind", "options", "line"),
     [
-        ("cusum", {}, "detector kind is 'cusum', expected one of fixed"),
+        ("nope", {}, "detector kind is 'nope', expected one of calibrated, chi_squared, cusum, fixed"),
         ("fixed", {"marign": 3}, "fixed: option marign = 3: "),
         ("fixed", {"margin": -1}, "fixed: option margin = -1: Input should be greater than 0"),
     ],
