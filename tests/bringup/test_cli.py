@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+
 from bags.reader import read_run
 from dcmg_bringup.cli import main
 from dcmg_bringup.shipped import scenario_path, shipped_scenarios
@@ -34,7 +35,17 @@ def dcmg(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) ->
 
 @pytest.mark.parametrize(
     "command",
-    [(), ("run",), ("simulate",), ("replay",), ("experiment",), ("node",), ("attack",), ("attack", "start"), ("paper",)],
+    [
+        (),
+        ("run",),
+        ("simulate",),
+        ("replay",),
+        ("experiment",),
+        ("node",),
+        ("attack",),
+        ("attack", "start"),
+        ("paper",),
+    ],
 )
 def test_help_teaches(dcmg: Dcmg, command: tuple[str, ...]) -> None:
     """Every command explains itself."""
@@ -114,7 +125,9 @@ def test_monitors_are_designed_from_a_recorded_history(dcmg: Dcmg, tmp_path: Pat
     options = ("gallo_six_dgu", "--duration", "4", "--set", "attacks=[]", "--no-plots", "--json")
     assert dcmg("experiment", "gallo_six_dgu", "--seed", "11", "--out", tmp_path / "h")[0] == 0
     assert dcmg("simulate", *options, "--seed", "11", "--out", tmp_path / "experiment")[0] == 0
-    code, _, err = dcmg("simulate", *options, "--seed", "3", "--history", tmp_path / "h/history", "--out", tmp_path / "s")
+    code, _, err = dcmg(
+        "simulate", *options, "--seed", "3", "--history", tmp_path / "h/history", "--out", tmp_path / "s"
+    )
     assert code == 0, err
     recorded, expected = read_run(tmp_path / "s/bag"), read_run(tmp_path / "experiment/bag")
     assert recorded.designs == expected.designs

@@ -6,6 +6,7 @@ import os
 import socket
 
 import pytest
+
 from dcmg_bringup.domain import DomainError, choose_domain, running_systems
 
 

@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-import signal
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import psutil
 import pytest
+
 from dcmg_bringup.shipped import scenario_path
 from dgu_sim.scenario import load_scenario
+
+if TYPE_CHECKING:
+    import signal
+    from collections.abc import Callable, Iterator, Mapping, Sequence
+    from pathlib import Path
 
 DCMG = (sys.executable, "-m", "dcmg_bringup.cli")
 STARTED_SEC = 60.0

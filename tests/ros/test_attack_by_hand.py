@@ -5,14 +5,17 @@ from __future__ import annotations
 import json
 import re
 import signal
-from collections.abc import Callable
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+
 from bags.reader import read_run
 from dgu_sim.grid import Link
 from dgu_sim.relay import Action
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
 
 BIAS = ("0.1", "-0.2", "0.3")
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
-from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import pytest
 from mcap.reader import make_reader
 from rosbags.highlevel import AnyReader
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+    from pathlib import Path
 
 PER_STEP = 42  # clock, tick, 6 states, 6 outputs, 14 received, 14 residuals
 

@@ -5,13 +5,16 @@ from __future__ import annotations
 import re
 import signal
 import time
-from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import psutil
 import pytest
+
 from bags.reader import read_run
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
 
 ENDED_SEC = 5.0
 
@@ -31,7 +34,7 @@ def assert_gone(processes: list[psutil.Process]) -> None:
 def test_a_killed_node_ends_the_run_and_leaves_a_bag(
     start_run: Callable[..., Any], long_scenario: Path, victim: str
 ) -> None:
-    """SIGKILL of a node: within 5 s one line that names node and step, a non-zero exit, a readable bag, nothing left."""
+    """SIGKILL of a node: within 5 s one line with node and step, a non-zero exit, a readable bag, nothing left."""
     memory = shared_memory()
     run = start_run(long_scenario)
     run.wait_until_recording()

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
 from bags.schema import RunTopics, run_topics
 from bags.topic import TopicKind
 from dcmg_nodes.assembler import Assembler
@@ -9,8 +12,6 @@ from dcmg_nodes.inbox import Inbox
 from dgu_sim.grid import Link
 from dgu_sim.records import Sample
 from dgu_sim.unit import UnitOutput
-from hypothesis import given, settings
-from hypothesis import strategies as st
 from monitor.link_monitor import MonitorOutput
 
 STEPS = 3

@@ -1,0 +1,1 @@
+"""The `dcmg` command: runs, simulations, replays, experiments and attacks by hand."""

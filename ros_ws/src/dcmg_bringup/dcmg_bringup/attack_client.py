@@ -57,7 +57,9 @@ class AttackClient:
         rclpy.init()
         self._node = Node("dcmg_attack_client", enable_rosout=False, start_parameter_services=False)
 
-    def start(self, link: tuple[int, int], kind: str, parameters: Mapping[str, object], duration_sec: float) -> tuple[int, int]:
+    def start(
+        self, link: tuple[int, int], kind: str, parameters: Mapping[str, object], duration_sec: float
+    ) -> tuple[int, int]:
         """Start an attack; return its number and the first affected step.
 
         Raises:
@@ -118,7 +120,9 @@ class AttackClient:
         self._rclpy.spin_until_future_complete(self._node, future, timeout_sec=_ANSWER_SEC)
         answer = future.result()
         if answer is None:
-            raise AttackClientError(f"the attacker in ROS domain {self._domain} did not answer within {_ANSWER_SEC:g} s")
+            raise AttackClientError(
+                f"the attacker in ROS domain {self._domain} did not answer within {_ANSWER_SEC:g} s"
+            )
         if not getattr(answer, "accepted", True):
             raise AttackClientError(answer.message)
         return answer

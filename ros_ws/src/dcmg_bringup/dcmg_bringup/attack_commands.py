@@ -23,7 +23,9 @@ Domain = Annotated[
 @app.command(context_settings={"ignore_unknown_options": True})
 def start(
     link: LinkOption,
-    bias: Annotated[tuple[float, float, float], typer.Option(metavar="V A VS", help="added to V [V], I_t [A], v [V s]")],
+    bias: Annotated[
+        tuple[float, float, float], typer.Option(metavar="V A VS", help="added to V [V], I_t [A], v [V s]")
+    ],
     *,
     duration: Annotated[float, typer.Option(help="length [s]; 0: until stopped")] = 0.0,
     domain: Domain = None,

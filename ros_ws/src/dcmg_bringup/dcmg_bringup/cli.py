@@ -10,14 +10,14 @@ from typing import Annotated
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # our matrices are small; a process with threads must not fork
 
 import typer
-from bags.errors import BagError
-from dgu_sim.errors import DguSimError
-from monitor.errors import MonitorError
 
+from bags.errors import BagError
 from dcmg_bringup import attack_commands, jobs, paper_commands
 from dcmg_bringup.errors import BringupError
 from dcmg_nodes.errors import NodeError
 from dcmg_nodes.options import PacingMode
+from dgu_sim.errors import DguSimError
+from monitor.errors import MonitorError
 
 _EXIT_ERROR = 2
 
@@ -54,7 +54,7 @@ History = Annotated[
     Path | None,
     typer.Option(
         metavar="BAG",
-        help="design the monitors from this recorded history (see `dcmg experiment`), not from an experiment at start-up",
+        help="design the monitors from this recorded history (see `dcmg experiment`), not from one made at the start",
         show_default=False,
     ),
 ]
@@ -65,7 +65,9 @@ Plots = Annotated[bool, typer.Option(help="draw states and residuals as PNG file
 def run(
     scenario: Scenario,
     *,
-    pacing: Annotated[PacingMode, typer.Option(help="as fast as the nodes go, or wall-clock time")] = PacingMode.LOCKSTEP,
+    pacing: Annotated[
+        PacingMode, typer.Option(help="as fast as the nodes go, or wall-clock time")
+    ] = PacingMode.LOCKSTEP,
     rate: Annotated[float, typer.Option(min=0.001, help="real-time factor, with `--pacing realtime`")] = 1.0,
     duration: Duration = None,
     seed: Seed = None,
@@ -147,7 +149,9 @@ def scenarios() -> None:
 
 @app.command()
 def node(
-    names: Annotated[list[str], typer.Argument(metavar="NAME...", help="clock, dgu_1, attacker, monitor_1, recorder, …")],
+    names: Annotated[
+        list[str], typer.Argument(metavar="NAME...", help="clock, dgu_1, attacker, monitor_1, recorder, …")
+    ],
     *,
     scenario: Annotated[str, typer.Option(help="name of a shipped scenario or path of a file")],
     out: Annotated[Path, typer.Option(help="folder of the run; the recorder writes its bag there")],

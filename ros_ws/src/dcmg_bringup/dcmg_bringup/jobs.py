@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import datetime
+import datetime as dt
 import json as json_module
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dcmg_nodes.options import NodeOptions, PacingMode
-from dgu_sim.scenario import load_scenario
 from rich.console import Console
 from rich.table import Table
 
 from dcmg_bringup.errors import BringupError
 from dcmg_bringup.live import LiveDisplay
 from dcmg_bringup.shipped import scenario_path, shipped_scenarios
+from dcmg_nodes.options import NodeOptions, PacingMode
+from dgu_sim.scenario import load_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -72,7 +72,7 @@ class ScenarioOptions:
         Raises:
             BringupError: the wanted folder holds something.
         """
-        now = datetime.datetime.now(tz=datetime.UTC).astimezone()
+        now = dt.datetime.now(tz=dt.UTC).astimezone()
         out = self.out or Path("out") / f"{scenario.name}-{now:%Y%m%d-%H%M%S}"
         if out.exists() and (not out.is_dir() or any(out.iterdir())):
             raise BringupError(f"--out {out}: expected a new or empty folder, found one that holds something")
@@ -105,10 +105,14 @@ def run(
     if outcome.deadline_misses:
         _messages.print(f"{outcome.deadline_misses} step(s) were released more than one sampling period late")
     if outcome.failure is not None:
-        _messages.print(f"dcmg: {outcome.failure}; the bag holds what came before: {outcome.bag}", highlight=False, soft_wrap=True)
+        _messages.print(
+            f"dcmg: {outcome.failure}; the bag holds what came before: {outcome.bag}", highlight=False, soft_wrap=True
+        )
         return _EXIT_FAILED
     if outcome.interrupted:
-        _messages.print(f"interrupted at step {outcome.steps}; the bag is closed: {outcome.bag}", highlight=False, soft_wrap=True)
+        _messages.print(
+            f"interrupted at step {outcome.steps}; the bag is closed: {outcome.bag}", highlight=False, soft_wrap=True
+        )
         return _EXIT_INTERRUPTED
     _show(outcome.bag, out if plots else None, json=json)
     return _EXIT_FAILED if outcome.lost else 0
@@ -203,6 +207,11 @@ def check_monitors(scenario: Scenario) -> None:
         design = observers.design(observer.kind, history, observer.options)
         if not design.accepted:
             _messages.print(f"[yellow]links from DGU {source} are not monitored[/]: {design.verdict}", soft_wrap=True)
+
+
+def _say(line: str) -> None:
+    """Print one line, however long, to standard error."""
+    _messages.print(line, highlight=False, soft_wrap=True)
 
 
 def _show(bag: Path, plots_dir: Path | None, *, json: bool) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Self
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
@@ -11,16 +11,6 @@ if TYPE_CHECKING:
     from types import TracebackType
 
     from rich.console import Console
-
-
-class RunDisplay(Protocol):
-    """Somewhere to show the progress of a run."""
-
-    def steps(self, complete: int) -> None:
-        """Show that all steps below `complete` are done."""
-
-    def say(self, line: str) -> None:
-        """Show one line that stays, such as an alarm."""
 
 
 class LiveDisplay:
@@ -49,7 +39,7 @@ class LiveDisplay:
         self._alarms = 0
         self._task = self._progress.add_task("run", total=steps, clock="starting nodes", speed="", alarms="")
 
-    def __enter__(self) -> LiveDisplay:
+    def __enter__(self) -> Self:
         """Start drawing."""
         self._progress.start()
         return self

@@ -7,6 +7,7 @@ fork, because its libraries start threads.
 
 from __future__ import annotations
 
+import importlib
 import multiprocessing
 import os
 import signal
@@ -29,6 +30,16 @@ _INTERRUPT_GRACE_SEC = 3.0
 _TERMINATE_GRACE_SEC = 1.0
 _POLL_SEC = 0.02
 _EXIT_FAILED = 1
+# what the nodes import, as far as it does not import rclpy
+_PRELOADED = (
+    "bags.histories",
+    "bags.writer",
+    "dcmg_nodes.wiring",
+    "dgu_sim.simulate",
+    "monitor.detectors",
+    "monitor.link_monitor",
+    "monitor.observers",
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -63,13 +74,15 @@ class ProcessGroup:
         """Start every process."""
         if "rclpy" in sys.modules:
             raise RuntimeError("node processes must be started before rclpy is imported")
+        for module in _PRELOADED:
+            importlib.import_module(module)
         log_dir.mkdir(parents=True, exist_ok=True)
         self._log_dir = log_dir
         context = multiprocessing.get_context("fork")
         self._processes: dict[str, ForkProcess] = {}
         for name, members in nodes.items():
             process = context.Process(
-                target=_node_process, args=(name, members, scenario, options, log_dir / f"{name}.log"), name=name
+                target=_node_process, args=(members, scenario, options, log_dir / f"{name}.log"), name=name
             )
             process.start()
             self._processes[name] = process
@@ -115,7 +128,7 @@ class ProcessGroup:
         return f"{how}{last}"
 
 
-def _node_process(name: str, members: Sequence[str], scenario: Scenario, options: NodeOptions, log: Path) -> None:
+def _node_process(members: Sequence[str], scenario: Scenario, options: NodeOptions, log: Path) -> None:
     """Be the node process: own session (Ctrl-C reaches the supervisor alone), own log, own title."""
     os.setsid()
     setproctitle.setproctitle(f"dcmg node {' '.join(members)} --out {options.out}")

@@ -7,22 +7,20 @@ from dataclasses import dataclass
 from importlib import resources
 from typing import TYPE_CHECKING
 
-from dcmg_nodes.options import BAG, NodeOptions, PacingMode
-
-from dcmg_nodes.wiring import wiring_of
-
 from dcmg_bringup.domain import choose_domain
 from dcmg_bringup.processes import ProcessGroup
+from dcmg_nodes.options import BAG, NodeOptions, PacingMode
+from dcmg_nodes.wiring import wiring_of
 
 if TYPE_CHECKING:
     from pathlib import Path
 
     from dcmg_msgs.msg import Alarm
+
+    from dcmg_bringup.live import LiveDisplay
     from dcmg_nodes.view_node import ViewNode
     from dcmg_nodes.wiring import Wiring
     from dgu_sim.scenario import Scenario
-
-    from dcmg_bringup.live import LiveDisplay
 
 _SPIN_SEC = 0.05
 _EXIT_GRACE_SEC = 5.0
@@ -78,6 +76,7 @@ def run_job(scenario: Scenario, out: Path, options: RunOptions, display: LiveDis
     with choose_domain(options.domain, scenario=scenario.name, out=str(out)) as domain:
         os.environ.update(ros_environment(domain))
         wiring = wiring_of(scenario)
+        wiring.warm_up()
         nodes = {_ALL: wiring.nodes} if options.composed else {name: (name,) for name in wiring.nodes}
         node_options = NodeOptions(out=out, pacing=options.pacing, rate=options.rate)
         group = ProcessGroup(nodes, scenario, node_options, out / "log")

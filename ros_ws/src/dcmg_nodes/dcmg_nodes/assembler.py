@@ -4,8 +4,7 @@ from __future__ import annotations
 
 import struct
 from collections import deque
-from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 from bags.topic import TopicKind
 
@@ -14,10 +13,14 @@ if TYPE_CHECKING:
     from bags.topic import Topic
 
 _NANOSECONDS = 1_000_000_000
+_STAMP = struct.Struct("<iI")
 
 
-@dataclass(frozen=True, slots=True)
-class Arrival:
+# A member of an enum is looked up anew each time it is named: too slow for every message.
+_PER_STEP, _LATCHED = TopicKind.PER_STEP, TopicKind.LATCHED
+
+
+class Arrival(NamedTuple):
     """CDR bytes of one message and the topic they came on."""
 
     topic: Topic
@@ -26,8 +29,9 @@ class Arrival:
     @property
     def stamp_ns(self) -> int:
         """Stamp that our messages, and /clock, all begin with [ns]."""
-        sec, nanosec = struct.unpack_from("<iI", self.data, 4)
-        return int(sec) * _NANOSECONDS + int(nanosec)
+        sec, nanosec = _STAMP.unpack_from(self.data, 4)
+        stamp_ns: int = sec * _NANOSECONDS + nanosec
+        return stamp_ns
 
     @property
     def frame_id(self) -> str:
@@ -61,10 +65,10 @@ class Assembler:
         """Take one message; return those of every step that is complete now."""
         count = self.counts[topic.name]
         self.counts[topic.name] = count + 1
-        if topic.kind is TopicKind.PER_STEP:
+        if topic.kind is _PER_STEP:
             self._held[topic.name].append(data)
             step = count
-        elif topic.kind is TopicKind.LATCHED:
+        elif topic.kind is _LATCHED:
             self._latched.append(Arrival(topic, data))
             return []
         else:

@@ -6,22 +6,21 @@ import json
 from functools import partial
 from typing import TYPE_CHECKING
 
-from bags.schema import ATTACKER_NODE
 from dcmg_msgs.msg import AttackEvent
 from dcmg_msgs.srv import ListAttacks, StartAttack, StopAttack
-from dgu_sim.errors import AttackError
-from dgu_sim.grid import Link
 
+from bags.schema import ATTACKER_NODE
 from dcmg_nodes.inbox import Inbox
 from dcmg_nodes.ports import Ports
+from dgu_sim.errors import AttackError
+from dgu_sim.grid import Link
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from dcmg_nodes.lifetime import Lifetime
-    from dgu_sim.relay import Relay, RelayEvent, RelayState
-
+    from dcmg_nodes.host import Host
     from dcmg_nodes.wiring import Wiring
+    from dgu_sim.relay import Relay, RelayEvent, RelayState
 
 START_SERVICE, STOP_SERVICE, LIST_SERVICE = "/attacks/start", "/attacks/stop", "/attacks/list"
 
@@ -29,9 +28,9 @@ START_SERVICE, STOP_SERVICE, LIST_SERVICE = "/attacks/start", "/attacks/stop", "
 class AttackerNode:
     """Fires step k when the outputs of all DGUs for step k are in; relays them on every link."""
 
-    def __init__(self, wiring: Wiring, lifetime: Lifetime, relay: Relay, state: RelayState, steps: int) -> None:
+    def __init__(self, wiring: Wiring, host: Host, relay: Relay, state: RelayState, steps: int) -> None:
         """Subscribe to every output and offer the services that start, stop and list attacks."""
-        self.ports = Ports(ATTACKER_NODE, wiring, lifetime)
+        self.ports = Ports(ATTACKER_NODE, wiring, host)
         self._relay = relay
         self._state = state
         self._step = 0

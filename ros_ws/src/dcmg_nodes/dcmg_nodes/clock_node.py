@@ -6,15 +6,15 @@ import time
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from bags.schema import CLOCK_NODE
 from dcmg_msgs.msg import Pacing, Progress, Ready
 
+from bags.schema import CLOCK_NODE
 from dcmg_nodes.options import PacingMode
 from dcmg_nodes.ports import CONTROL_QOS, Ports
 from dcmg_nodes.wiring import PACING, PROGRESS, READY, Wiring
 
 if TYPE_CHECKING:
-    from dcmg_nodes.lifetime import Lifetime
+    from dcmg_nodes.host import Host
 
 WINDOW = 64  # steps in flight between the clock and the recorder; far below the queue depth of a topic
 _REPORT_SEC = 0.5
@@ -42,9 +42,9 @@ class ClockConfig:
 class ClockNode:
     """Publishes `/clock` and `/tick` for k = 0 … steps-1 once every node of the run is ready."""
 
-    def __init__(self, wiring: Wiring, lifetime: Lifetime, config: ClockConfig) -> None:
+    def __init__(self, wiring: Wiring, host: Host, config: ClockConfig) -> None:
         """Create the publishers and wait for the nodes' readiness."""
-        self.ports = Ports(CLOCK_NODE, wiring, lifetime)
+        self.ports = Ports(CLOCK_NODE, wiring, host)
         self._config = config
         self._clock, self._tick = wiring.topics.clock(), wiring.topics.tick()
         self._waiting = set(wiring.nodes)

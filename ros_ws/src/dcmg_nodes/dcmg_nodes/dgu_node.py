@@ -6,30 +6,26 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from bags.schema import dgu_name
-from dgu_sim.grid import Link
-from dgu_sim.records import Sample
-
 from dcmg_nodes.inbox import Inbox
 from dcmg_nodes.ports import Ports
+from dgu_sim.grid import Link
+from dgu_sim.records import Sample
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from bags.records import HistoryRecord
-    from dgu_sim.unit import Unit
-
-    from dcmg_nodes.lifetime import Lifetime
+    from dcmg_nodes.host import Host
     from dcmg_nodes.wiring import Wiring
+    from dgu_sim.unit import Unit
 
 
 class DguNode:
     """Fires step k on tick k, the physical states of k-1 and the received outputs of k-1."""
 
-    def __init__(
-        self, wiring: Wiring, lifetime: Lifetime, unit: Unit, history: Sequence[HistoryRecord], steps: int
-    ) -> None:
+    def __init__(self, wiring: Wiring, host: Host, unit: Unit, history: Sequence[HistoryRecord], steps: int) -> None:
         """Publish the unit's offline experiments and subscribe to what its step needs."""
-        self.ports = Ports(dgu_name(unit.dgu), wiring, lifetime)
+        self.ports = Ports(dgu_name(unit.dgu), wiring, host)
         self._unit = unit
         self._state = unit.init()
         self._step = 0
@@ -37,7 +33,8 @@ class DguNode:
         topics = wiring.topics
         self._physical = [topics.state(dgu) for dgu in unit.physical]
         self._received = [topics.received(Link(source, unit.dgu)) for source in unit.neighbours]
-        inputs = [codec.topic for codec in (topics.tick(), *self._physical, *self._received)]
+        inputs = [topics.tick().topic]
+        inputs += [codec.topic for codec in self._physical] + [codec.topic for codec in self._received]
         names = [topic.name for topic in inputs]
         self._inbox: Inbox[bytes] = Inbox(names, primed=frozenset(names[1:]))
         for slot, topic in enumerate(inputs):

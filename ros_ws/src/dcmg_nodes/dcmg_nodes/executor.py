@@ -37,7 +37,7 @@ def make_executor(kind: ExecutorKind, node: Node) -> Executor:
     return fallback
 
 
-def spin_until(executor: Executor, done: Future[None], timeout_sec: float = _BOUNDED_FOREVER_SEC) -> bool:
+def spin_until(executor: Executor, done: Future, timeout_sec: float = _BOUNDED_FOREVER_SEC) -> bool:
     """Dispatch callbacks until `done` is set or `timeout_sec` has passed; tell whether `done` is set."""
     executor.spin_until_future_complete(done, timeout_sec=timeout_sec)
     return bool(done.done())
@@ -53,8 +53,8 @@ def _events_executor() -> Executor | None:
 
 
 def _dispatches(executor: Executor, node: Node) -> bool:
-    fired: Future[None] = Future()
-    timer = node.create_timer(0.001, lambda: fired.done() or fired.set_result(None))
+    fired: Future = Future()
+    timer = node.create_timer(0.001, lambda: None if fired.done() else fired.set_result(None))
     try:
         return spin_until(executor, fired, _SELF_TEST_SEC)
     finally:

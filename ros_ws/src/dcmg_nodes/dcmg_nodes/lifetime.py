@@ -14,7 +14,7 @@ class Lifetime:
 
     def __init__(self, nodes: tuple[str, ...]) -> None:
         """Start with every node alive."""
-        self.over: Future[None] = Future()
+        self.over: Future = Future()
         self.failure: str | None = None
         self.nodes = len(nodes)
         self._alive = set(nodes)

@@ -5,34 +5,35 @@ from __future__ import annotations
 import ctypes
 import signal
 from contextlib import ExitStack
+from functools import partial
 from typing import TYPE_CHECKING
 
 import rclpy
+from rclpy.signals import SignalHandlerOptions
+
 from bags.histories import histories_of_run
 from bags.origin import attach_origin
 from bags.schema import ATTACKER_NODE, CLOCK_NODE, dgu_name, monitor_name
 from bags.writer import BagWriter
-from dgu_sim.simulate import relay_of
-from dgu_sim.unit import unit_of
-from rclpy.signals import SignalHandlerOptions
-
 from dcmg_nodes.attacker_node import AttackerNode
 from dcmg_nodes.clock_node import ClockConfig, ClockNode
 from dcmg_nodes.dgu_node import DguNode
 from dcmg_nodes.errors import NodeError
 from dcmg_nodes.executor import make_executor, spin_until
-from dcmg_nodes.lifetime import Lifetime
+from dcmg_nodes.host import host_of
 from dcmg_nodes.monitor_node import MonitorConfig, MonitorNode
 from dcmg_nodes.options import BAG, NodeOptions
 from dcmg_nodes.recorder_node import RecorderNode
 from dcmg_nodes.wiring import RECORDER_NODE, Wiring, wiring_of
+from dgu_sim.simulate import relay_of
+from dgu_sim.unit import unit_of
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from dgu_sim.scenario import Scenario
-
+    from dcmg_nodes.host import Host
     from dcmg_nodes.ports import Ports
+    from dgu_sim.scenario import Scenario
 
 _PR_SET_PDEATHSIG = 1
 _SIGNAL_CHECK_SEC = 0.1
@@ -57,40 +58,39 @@ def run_nodes(names: Sequence[str], scenario: Scenario, options: NodeOptions) ->
     for name in names:
         if name not in wiring.nodes:
             raise NodeError(f"{name}: no such node; scenario {scenario.name} has {', '.join(wiring.nodes)}")
-    lifetime = Lifetime(tuple(names))
+    host = host_of(tuple(names))
     # A KeyboardInterrupt could hit in the middle of a step: take signals between callbacks instead.
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
     for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: lifetime.interrupt())
+        signal.signal(number, lambda *_: host.lifetime.interrupt())
     try:
         with ExitStack() as stack:
-            builder = _Builder(scenario, options, wiring, lifetime, stack)
+            builder = _Builder(scenario, options, wiring, host, stack)
             ports = [builder.build(name) for name in names]
             executor = make_executor(options.executor, ports[0].node)
             stack.callback(executor.shutdown)
             for other in ports[1:]:
                 executor.add_node(other.node)
             ports[0].node.create_timer(_SIGNAL_CHECK_SEC, lambda: None)  # Python sees signals between callbacks only
-            spin_until(executor, lifetime.over)
+            host.bus.attach(executor)
+            spin_until(executor, host.lifetime.over)
     finally:
         rclpy.try_shutdown()
-    return lifetime.failure
+    return host.lifetime.failure
 
 
 class _Builder:
     """Turns a node name into a node."""
 
-    def __init__(
-        self, scenario: Scenario, options: NodeOptions, wiring: Wiring, lifetime: Lifetime, stack: ExitStack
-    ) -> None:
+    def __init__(self, scenario: Scenario, options: NodeOptions, wiring: Wiring, host: Host, stack: ExitStack) -> None:
         self._scenario, self._options, self._wiring = scenario, options, wiring
-        self._lifetime, self._stack = lifetime, stack
+        self._host, self._stack = host, stack
         self._makers: dict[str, Callable[[], Ports]] = {
             CLOCK_NODE: self._clock,
             ATTACKER_NODE: self._attacker,
             RECORDER_NODE: self._recorder,
-            **{dgu_name(dgu): lambda dgu=dgu: self._dgu(dgu) for dgu in wiring.topics.dgus},
-            **{monitor_name(dgu): lambda dgu=dgu: self._monitor(dgu) for dgu in wiring.topics.dgus},
+            **{dgu_name(dgu): partial(self._dgu, dgu) for dgu in wiring.topics.dgus},
+            **{monitor_name(dgu): partial(self._monitor, dgu) for dgu in wiring.topics.dgus},
         }
 
     def build(self, name: str) -> Ports:
@@ -107,16 +107,16 @@ class _Builder:
             rate=self._options.rate,
             start_timeout_sec=self._options.start_timeout_sec,
         )
-        return ClockNode(self._wiring, self._lifetime, config).ports
+        return ClockNode(self._wiring, self._host, config).ports
 
     def _dgu(self, dgu: int) -> Ports:
         unit = unit_of(self._scenario, dgu)
         history = histories_of_run(self._scenario, dgu)
-        return DguNode(self._wiring, self._lifetime, unit, history, self._scenario.steps).ports
+        return DguNode(self._wiring, self._host, unit, history, self._scenario.steps).ports
 
     def _attacker(self) -> Ports:
         relay, state = relay_of(self._scenario)
-        return AttackerNode(self._wiring, self._lifetime, relay, state, self._scenario.steps).ports
+        return AttackerNode(self._wiring, self._host, relay, state, self._scenario.steps).ports
 
     def _monitor(self, dgu: int) -> Ports:
         config = MonitorConfig(
@@ -125,13 +125,13 @@ class _Builder:
             sampling_period_sec=self._scenario.sampling_period_sec,
             steps=self._scenario.steps,
         )
-        return MonitorNode(self._wiring, self._lifetime, dgu, config).ports
+        return MonitorNode(self._wiring, self._host, dgu, config).ports
 
     def _recorder(self) -> Ports:
         writer = BagWriter(self._options.out / BAG, self._wiring.topics.all)
         attach_origin(writer, self._scenario)
         period_sec = self._scenario.sampling_period_sec / self._options.rate
         stall_sec = max(self._options.stall_timeout_sec, _STALL_PERIODS * period_sec)
-        node = RecorderNode(self._wiring, self._lifetime, writer, self._scenario.steps, stall_sec)
+        node = RecorderNode(self._wiring, self._host, writer, self._scenario.steps, stall_sec)
         self._stack.callback(node.close)
         return node.ports

@@ -8,20 +8,18 @@ from typing import TYPE_CHECKING
 
 from bags.convert import design_record, history_of
 from bags.schema import monitor_name
-from monitor import detectors, observers
-from monitor.link_monitor import LinkMonitor
-
 from dcmg_nodes.inbox import Inbox
 from dcmg_nodes.ports import Ports
+from monitor import detectors, observers
+from monitor.link_monitor import LinkMonitor
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from bags.records import HistoryRecord
-    from monitor.link_monitor import MonitorOutput, MonitorState
-
-    from dcmg_nodes.lifetime import Lifetime
+    from dcmg_nodes.host import Host
     from dcmg_nodes.wiring import Wiring
+    from monitor.link_monitor import MonitorOutput, MonitorState
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -44,9 +42,9 @@ class MonitorConfig:
 class MonitorNode:
     """Fires step k when the received outputs of all incoming links for step k are in."""
 
-    def __init__(self, wiring: Wiring, lifetime: Lifetime, dgu: int, config: MonitorConfig) -> None:
+    def __init__(self, wiring: Wiring, host: Host, dgu: int, config: MonitorConfig) -> None:
         """Subscribe to the histories of the neighbours and to what arrives from them."""
-        self.ports = Ports(monitor_name(dgu), wiring, lifetime)
+        self.ports = Ports(monitor_name(dgu), wiring, host)
         self._config = config
         topics = wiring.topics
         links = [link for link in topics.links if link.target == dgu]
@@ -77,7 +75,8 @@ class MonitorNode:
         kind, options = self._config.observer
         design = observers.design(kind, history_of(self._experiments[slot]), options)
         if not design.accepted:
-            self.ports.log.warning(f"link {codec.source}-{codec.monitor} is not monitored: {design.verdict}")
+            reason = f"link {codec.source}-{codec.monitor} is not monitored: {design.verdict}"
+            self.ports.log.warning(reason)
         detector = detectors.build(*self._config.detector, self._config.sampling_period_sec)
         report = design.certificate.residual
         blind = report is not None and report.blind
@@ -102,7 +101,8 @@ class MonitorNode:
 
     def _watch(self, slot: int, data: bytes) -> MonitorOutput:
         _, sample = self._received[slot].decode(data)
-        self._states[slot], output = self._monitors[slot].step(self._states[slot], sample.y, sample.delivered)
+        y = tuple(sample.y)
+        self._states[slot], output = self._monitors[slot].step(self._states[slot], y, sample.delivered)
         codec = self._residuals[slot]
         if output.alarm != self._alarms[slot]:
             self._alarms[slot] = bool(output.alarm)

@@ -44,4 +44,4 @@ class NodeOptions:
     rate: float = 1.0
     executor: ExecutorKind = ExecutorKind.EVENTS
     start_timeout_sec: float = 30.0
-    stall_timeout_sec: float = 3.0
+    stall_timeout_sec: float = 8.0

@@ -9,22 +9,25 @@ from __future__ import annotations
 import importlib
 from typing import TYPE_CHECKING, Any
 
-from bags.qos import Durability
 from dcmg_msgs.msg import NodeDone, Ready, RunEnd
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
+from bags.qos import Durability
+from bags.topic import TopicKind
 from dcmg_nodes.wiring import DONE, END, READY, RECORDER_NODE, Wiring
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from bags.topic import Topic
-    from dcmg_nodes.lifetime import Lifetime
     from rclpy.publisher import Publisher
     from rclpy.subscription import Subscription
 
-MATCH_POLL_SEC = 0.02
+    from bags.topic import Topic
+    from dcmg_nodes.host import Host
+
+MATCH_POLL_SEC = 0.1
+_BYSTANDER_POLL_SEC = 0.2
 CONTROL_QOS = QoSProfile(
     history=HistoryPolicy.KEEP_ALL,
     reliability=ReliabilityPolicy.RELIABLE,
@@ -44,23 +47,28 @@ class Ports:
     Args:
         name: node name.
         wiring: static graph of the run.
-        lifetime: of the process; the node leaves it at the end of the run.
+        host: the process; the node leaves its lifetime at the end of the run.
     """
 
-    def __init__(self, name: str, wiring: Wiring, lifetime: Lifetime) -> None:
+    def __init__(self, name: str, wiring: Wiring, host: Host) -> None:
         """Create the rclpy node, its data publishers and its run-control topics."""
         self.name = name
-        self.lifetime = lifetime
+        self.lifetime = host.lifetime
+        self._bus = host.bus
         self.wiring = wiring
         # Parameter services and /rosout would triple the endpoints that every peer has to discover.
         self.node = Node(name, enable_rosout=False, start_parameter_services=False)
         self.log = self.node.get_logger()
         self.counts: dict[str, int] = {}
-        self._publishers: dict[str, Publisher[Any]] = {}
-        self._subscriptions: dict[str, Subscription[Any]] = {}
+        # with the number of peers in other processes that a run has
+        self._publishers: dict[str, tuple[Publisher, int]] = {}
+        self._subscriptions: dict[str, tuple[Subscription, int]] = {}
+        self._over_dds: dict[str, bool] = {}
         for topic in wiring.topics.published_by(name):
             qos = data_qos(topic)
-            self._publishers[topic.name] = self.node.create_publisher(message_class(topic.type_name), topic.name, qos)
+            publisher = self.node.create_publisher(message_class(topic.type_name), topic.name, qos)
+            self._publishers[topic.name] = (publisher, self._remote_readers(topic))
+            self._over_dds[topic.name] = self._remote_readers(topic) > 0
             self.counts[topic.name] = 0
         self._ready = self.node.create_publisher(Ready, READY, CONTROL_QOS)
         self._done = self.node.create_publisher(NodeDone, DONE, CONTROL_QOS)
@@ -68,17 +76,25 @@ class Ports:
             self._end = self.node.create_subscription(RunEnd, END, self._on_end, CONTROL_QOS)
         self._prepared: Callable[[], bool] = lambda: True
         self._timer = self.node.create_timer(MATCH_POLL_SEC, self._announce_when_matched)
+        if not all(self._over_dds.values()):
+            self._bystander_timer = self.node.create_timer(_BYSTANDER_POLL_SEC, self._look_for_bystanders)
 
     def publish(self, topic: str, data: bytes) -> None:
-        """Put the CDR bytes of one message on the wire."""
-        self._publishers[topic].publish(data)
+        """Put the CDR bytes of one message on the wire, and to the readers in this process."""
+        if self._over_dds[topic]:
+            self._publishers[topic][0].publish(data)
+        self._bus.send(topic, data)
         self.counts[topic] += 1
 
-    def subscribe(self, topic: Topic, on_bytes: Callable[[bytes], object]) -> None:
+    def subscribe(self, topic: Topic, on_bytes: Callable[[bytes], None]) -> None:
         """Call `on_bytes` with the CDR bytes of every message of a recorded topic."""
-        self._subscriptions[topic.name] = self.node.create_subscription(
+        if self._is_local(topic):
+            self._bus.add_reader(topic.name, on_bytes)
+            return
+        subscription = self.node.create_subscription(
             message_class(topic.type_name), topic.name, on_bytes, data_qos(topic), raw=True
         )
+        self._subscriptions[topic.name] = (subscription, len(topic.publishers))
 
     def ready_when(self, prepared: Callable[[], bool]) -> None:
         """Announce readiness only once `prepared()` holds too."""
@@ -86,15 +102,12 @@ class Ports:
 
     def unmatched(self) -> list[str]:
         """Describe each topic whose other side is not there yet."""
-        topics = {topic.name: topic for topic in self.wiring.topics.all}
         late = []
-        for name, publisher in self._publishers.items():
-            missing = len(self.wiring.readers(topics[name])) - publisher.get_subscription_count()
-            if missing > 0:
+        for name, (publisher, wanted) in self._publishers.items():
+            if (missing := wanted - publisher.get_subscription_count()) > 0:
                 late.append(f"{name} lacks {missing} subscriber(s)")
-        for name, subscription in self._subscriptions.items():
-            missing = len(topics[name].publishers) - subscription.get_publisher_count()
-            if missing > 0:
+        for name, (subscription, wanted) in self._subscriptions.items():
+            if (missing := wanted - subscription.get_publisher_count()) > 0:
                 late.append(f"{name} lacks {missing} publisher(s)")
         if not self._ready.get_subscription_count():
             late.append(f"{READY} lacks the clock")
@@ -105,6 +118,21 @@ class Ports:
     def finish(self) -> None:
         """Tell the recorder that this node has published its last message."""
         self._done.publish(NodeDone(node=self.name, topics=list(self.counts), counts=list(self.counts.values())))
+
+    def _is_local(self, topic: Topic) -> bool:
+        """Whether readers of this process get the topic without DDS: not when a late one must still get it."""
+        return topic.kind is not TopicKind.LATCHED and self._bus.nodes.issuperset(topic.publishers)
+
+    def _remote_readers(self, topic: Topic) -> int:
+        """Count the readers that DDS must reach."""
+        readers = self.wiring.readers(topic)
+        return sum(reader not in self._bus.nodes for reader in readers) if self._is_local(topic) else len(readers)
+
+    def _look_for_bystanders(self) -> None:
+        """Publish over DDS, too, what somebody outside the run has subscribed to."""
+        for name, (publisher, _) in self._publishers.items():
+            if not self._over_dds[name] and publisher.get_subscription_count():
+                self._over_dds[name] = True
 
     def _announce_when_matched(self) -> None:
         if self._prepared() and not self.unmatched():

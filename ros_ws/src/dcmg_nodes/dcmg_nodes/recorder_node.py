@@ -6,9 +6,9 @@ import time
 from functools import partial
 from typing import TYPE_CHECKING
 
-from bags.topic import TopicKind
 from dcmg_msgs.msg import NodeDone, Progress, RunEnd
 
+from bags.topic import TopicKind
 from dcmg_nodes.assembler import Arrival, Assembler
 from dcmg_nodes.ports import CONTROL_QOS, Ports
 from dcmg_nodes.wiring import DONE, END, PROGRESS, RECORDER_NODE
@@ -18,8 +18,7 @@ if TYPE_CHECKING:
 
     from bags.topic import Topic
     from bags.writer import BagWriter
-
-    from dcmg_nodes.lifetime import Lifetime
+    from dcmg_nodes.host import Host
     from dcmg_nodes.wiring import Wiring
 
 CREDIT_EVERY = 16  # steps between two credits; must stay well below the clock's window
@@ -32,11 +31,9 @@ _LINGER_POLL_SEC = 0.02
 class RecorderNode:
     """Records all topics; a run is over for it when it holds as many messages as were published."""
 
-    def __init__(
-        self, wiring: Wiring, lifetime: Lifetime, writer: BagWriter, steps: int, stall_timeout_sec: float
-    ) -> None:
+    def __init__(self, wiring: Wiring, host: Host, writer: BagWriter, steps: int, stall_timeout_sec: float) -> None:
         """Subscribe to every recorded topic."""
-        self.ports = Ports(RECORDER_NODE, wiring, lifetime)
+        self.ports = Ports(RECORDER_NODE, wiring, host)
         self._clock_topic = wiring.topics.clock().topic.name
         self._latched = [topic.name for topic in wiring.topics.all if topic.kind is TopicKind.LATCHED]
         self._writer = writer
@@ -121,7 +118,8 @@ class RecorderNode:
             lost = {name: count - self._assembler.counts[name] for name, count in self._published.items()}
             for name, number in lost.items():
                 if number:
-                    self.ports.log.error(f"{number} message(s) of {name} were published and did not arrive")
+                    loss = f"{number} message(s) of {name} were published and did not arrive"
+                    self.ports.log.error(loss)
             self._finish(lost=sum(lost.values()))
         elif (topic := self._assembler.overdue()) is not None and self._assembler.complete < self._steps:
             self._credit(waiting_for=topic.publishers[0], topic=topic.name)

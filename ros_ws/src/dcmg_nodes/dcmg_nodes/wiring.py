@@ -47,6 +47,11 @@ class Wiring:
         """Names of the nodes that subscribe to a recorded topic."""
         return (*self._consumers.get(topic.name, ()), RECORDER_NODE)
 
+    def warm_up(self) -> None:
+        """Compute what every node needs, so that forked processes share it."""
+        for topic in self.topics.all:
+            self.readers(topic)
+
     @cached_property
     def _consumers(self) -> Mapping[str, tuple[str, ...]]:
         topics = self.topics

@@ -1,0 +1,44 @@
+"""Launch every node of a scenario on a full ROS 2 installation: `ros2 launch dcmg_bringup run.launch.py`.
+
+`dcmg run` does the same with supervision, a progress display and a table at the end; this is for people who put the
+nodes into launch files of their own.
+"""
+
+from pathlib import Path
+
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
+
+from dcmg_bringup.shipped import scenario_path
+from dcmg_nodes.wiring import wiring_of
+from dgu_sim.scenario import load_scenario
+
+ARGUMENTS = {
+    "scenario": ("gallo_six_dgu", "name of a shipped scenario or path of a file"),
+    "out": ("out/launch", "new folder for the bag"),
+    "pacing": ("realtime", "lockstep or realtime"),
+    "rate": ("1.0", "real-time factor, with realtime pacing"),
+}
+
+
+def nodes(context: object) -> list[Node]:
+    """Return one launch action a node of the scenario."""
+    given = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
+    scenario = load_scenario(scenario_path(given["scenario"]))
+    options = ["--scenario", given["scenario"], "--out", str(Path(given["out"]).resolve())]
+    options += ["--pacing", given["pacing"], "--rate", given["rate"]]
+    return [
+        Node(package="dcmg_bringup", executable="dcmg", arguments=["node", name, *options], output="screen")
+        for name in wiring_of(scenario).nodes
+    ]
+
+
+def generate_launch_description() -> LaunchDescription:
+    """Return the launch description that ros2 launch asks for."""
+    arguments = [
+        DeclareLaunchArgument(name, default_value=default, description=text)
+        for name, (default, text) in ARGUMENTS.items()
+    ]
+    return LaunchDescription([*arguments, OpaqueFunction(function=nodes)])
