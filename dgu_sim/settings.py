@@ -14,6 +14,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from dgu_sim.attacks import KINDS, Attack
+from dgu_sim.detector_defaults import attack_free_sec, filled_in
 from dgu_sim.explain import explain
 from dgu_sim.grid import Link
 from dgu_sim.loads import Load
@@ -170,13 +171,6 @@ class ObserverSettings(Frozen):
 
 _EITHER = ("link", "links")
 
-FIXED_DETECTOR: dict[str, object] = {
-    "settle_sec": 0.5,
-    "calibrate_sec": 2.0,
-    "margin": 5.0,
-    "floor": [1e-6, 1e-6, 1e-6],
-}
-
 
 class DetectorSettings(Frozen):
     """How a monitor turns residuals into alarms; checked by the monitor."""
@@ -184,27 +178,21 @@ class DetectorSettings(Frozen):
     kind: str = Field(default="fixed", description="Name of the detector.")
     options: dict[str, object] = Field(
         default_factory=dict,
-        description=(
-            "Options of the detector. For `fixed`: settle_sec, calibrate_sec (the attack-free stretch it learns its "
-            "thresholds from), margin (threshold = margin x largest residual seen) and floor (smallest threshold)."
-        ),
+        description="Options of the detector: docs/scenario.md lists them for each kind.",
     )
 
     @model_validator(mode="before")
     @classmethod
     def _fill_in(cls, data: object) -> object:
         """Make the detector's defaults explicit: the resolved scenario says everything a run used."""
-        if isinstance(data, dict) and data.get("kind", "fixed") == "fixed":
-            options = data.get("options", {})
-            if isinstance(options, dict):
-                return {**data, "options": {**FIXED_DETECTOR, **options}}
+        if isinstance(data, dict) and isinstance(data.get("options", {}), dict):
+            return {**data, "options": filled_in(data.get("kind", "fixed"), data.get("options", {}))}
         return data
 
     @property
     def calibrated_sec(self) -> float:
         """Time at which an attack may start [s]: settling and calibration have ended."""
-        times = [self.options.get(key, 0.0) for key in ("settle_sec", "calibrate_sec")]
-        return sum((float(time) for time in times if isinstance(time, int | float)), 0.0)
+        return attack_free_sec(self.options)
 
 
 class MonitorSettings(Frozen):

@@ -9,8 +9,11 @@ from pydantic import BaseModel
 
 from dgu_sim import loads, noise, settings
 from dgu_sim.attacks import KINDS
+from dgu_sim.detector_defaults import DETECTORS, filled_in
 from dgu_sim.errors import ScenarioError
 from dgu_sim.scenario import Scenario, parse_scenario
+from monitor import detectors
+from monitor.detectors import KINDS as KNOWN_DETECTORS
 
 SECTIONS: dict[str, type[BaseModel]] = {
     "Top level": Scenario,
@@ -71,11 +74,28 @@ def test_every_key_stands_in_its_section_with_its_default(page: str, heading: st
             assert field.description, key
 
 
-def test_every_option_of_the_fixed_detector_stands_there(page: str) -> None:
-    """Options and their defaults are those that a scenario is filled up with."""
-    rows = _rows(page, "monitor.detector")
-    for option, default in settings.FIXED_DETECTOR.items():
-        assert rows[option] == f"`{json.dumps(default)}`"
+@pytest.mark.parametrize("kind", KNOWN_DETECTORS)
+def test_every_option_of_a_detector_stands_there(page: str, kind: str) -> None:
+    """Options and their defaults are those that a scenario is filled up with, and those that monitor has."""
+    rows = _rows(page, f"Detector: {kind}")
+    options: dict[str, object] = {"noise": 0.1} if kind == "noise_bound" else {}
+    filled = filled_in(kind, options)
+    for option, default in DETECTORS[kind].items():
+        shown = json.dumps(default)
+        assert rows.pop(option) == (f"`{default}`" if isinstance(default, str) else f"`{shown}`"), option
+    assert rows == dict.fromkeys(options, "required")
+    filled_detector, own = (detectors.build(kind, one, 0.01) for one in (filled, options))
+    if kind not in {"fixed", "n_of_m"}:  # those of a scenario name one floor for each output
+        assert filled_detector == own
+
+
+def test_inner_options_are_filled_in_and_counted() -> None:
+    """N of M shows its inner detector's options; attacks wait for that one's calibration."""
+    given = {"kind": "n_of_m", "options": {"kind": "calibrated", "options": {"rate": 0.1}}}
+    detector = settings.DetectorSettings.model_validate(given)
+    inner = {**DETECTORS["calibrated"], "rate": 0.1}
+    assert detector.options == {"n": 3, "m": 5, "kind": "calibrated", "options": inner}
+    assert detector.calibrated_sec == 10.5
 
 
 def test_every_model_of_a_scenario_has_a_section() -> None:
