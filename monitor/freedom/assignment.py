@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
+from warnings import catch_warnings
 
 import numpy as np
 from scipy.linalg import solve_discrete_are
@@ -19,6 +20,7 @@ if TYPE_CHECKING:
 
 _DEFAULT_DECAY = 0.5
 _RANK = 1e-9  # relative: a row of N_x below is rounding
+_PLACED = 1e-3  # poles this far from where they should be are not placed
 _SPREAD = 0.2  # default poles lie in the upper fifth below the decay: distinct, as pole placement needs them
 
 
@@ -46,7 +48,10 @@ def pole_placement(problem: Problem, options: FreedomOptions) -> NDArray[np.floa
     poles = default_poles(movable, decay) if options.poles is None else np.array(options.poles)
     if len(poles) != movable:
         return Refusal(f"{len(poles)} poles are given, expected {movable}: that many eigenvalues of A_UIO can be moved")
-    return acceptors.W0 + assign(acceptors, poles) @ acceptors.N
+    Q = assign(acceptors, poles)
+    if Q is None:
+        return Refusal("pole_placement: the eigenvalues cannot be placed accurately here; use dual_lqr")
+    return acceptors.W0 + Q @ acceptors.N
 
 
 def default_poles(count: int, decay: float) -> NDArray[np.float64]:
@@ -54,18 +59,25 @@ def default_poles(count: int, decay: float) -> NDArray[np.float64]:
     return decay * (1.0 - _SPREAD * np.arange(count) / max(count, 1))
 
 
-def assign(acceptors: Acceptors, poles: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Q (k, f) that puts the movable eigenvalues of W_x0 + Q N_x at `poles`."""
+def assign(acceptors: Acceptors, poles: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """Q (k, f) that puts the movable eigenvalues of W_x0 + Q N_x at `poles`; None when rounding keeps them away."""
     A, mixing, N_x = acceptors.W_x0, *_row_basis(acceptors.N_x)
     if len(N_x) == len(A):  # every entry of A_UIO is free
         return np.asarray((np.diag(poles) - A) @ np.linalg.inv(N_x) @ mixing)
     hidden = unobservable(A, acceptors.N_x)
     seen = np.linalg.svd(hidden, full_matrices=True)[0][:, hidden.shape[1] :]
-    Q = np.zeros((len(A), len(N_x)))
-    if seen.shape[1]:
-        gain = place_poles((seen.T @ A @ seen).T, (N_x @ seen).T, poles).gain_matrix
-        Q = -seen @ gain.T
-    return np.asarray(Q @ mixing)
+    if not seen.shape[1]:
+        return np.zeros((len(A), len(acceptors.N)))
+    A_seen, N_seen = seen.T @ A @ seen, N_x @ seen
+    with catch_warnings(
+        action="ignore"
+    ):  # of place_poles: robust eigenvectors not fully converged; poles checked below
+        gain = place_poles(A_seen.T, N_seen.T, poles).gain_matrix
+    placed = np.linalg.eigvals(A_seen - gain.T @ N_seen)
+    distance = np.abs(placed[:, None] - poles)
+    if np.max(distance.min(axis=0)) > _PLACED or np.max(distance.min(axis=1)) > _PLACED:
+        return None
+    return np.asarray(-seen @ gain.T @ mixing)
 
 
 def _regulator(acceptors: Acceptors, decay: float) -> NDArray[np.float64]:

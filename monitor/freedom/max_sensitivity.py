@@ -7,11 +7,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.linalg import null_space, solve_discrete_lyapunov
+from scipy.linalg import null_space
 
 from monitor.acceptor import unobservable
-from monitor.freedom.assignment import assign
+from monitor.freedom.assignment import assign, default_poles
 from monitor.freedom.problem import Refusal
+from monitor.sight import accumulated
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
 
 _DEFAULT_DECAY = 0.9
 _VISIBLE = 1e-7  # relative: below it no choice makes a bias visible
-_CLUSTER = 1e-3  # relative spread of the poles where they may not coincide
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,10 +73,11 @@ def _fixed_dynamics(
     decay = _DEFAULT_DECAY if options.decay is None else options.decay
     movable = len(acceptors.W_x0) - unobservable(acceptors.W_x0, acceptors.N_x).shape[1]
     rank = int(np.linalg.matrix_rank(acceptors.N_x)) if acceptors.N_x.size else 0
-    poles = np.full(movable, decay)
-    if rank < len(acceptors.W_x0):
-        poles = decay * (1.0 - _CLUSTER * np.arange(movable))
-    base = acceptors.W0 + assign(acceptors, poles) @ acceptors.N
+    free = rank == len(acceptors.W_x0)  # every entry of A_UIO: poles may coincide
+    Q = assign(acceptors, np.full(movable, decay) if free else default_poles(movable, decay))
+    if Q is None:
+        return Refusal("max_sensitivity: the eigenvalues cannot be placed accurately at this decay; try another")
+    base = acceptors.W0 + Q @ acceptors.N
     still = null_space(acceptors.N_x.T).T @ acceptors.N if acceptors.N_x.size else acceptors.N
     k = len(acceptors.W0)
     if not len(still) or not k:
@@ -98,7 +99,7 @@ def _steady_gain(observer: LinearObserver) -> NDArray[np.float64]:
 
 def _root_gramian(observer: LinearObserver) -> NDArray[np.float64]:
     """O^(1/2) (q, q) of O = A' O A + H' H."""
-    values, vectors = np.linalg.eigh(solve_discrete_lyapunov(observer.A.T, observer.H.T @ observer.H))
+    values, vectors = np.linalg.eigh(accumulated(observer.A.T, observer.H.T @ observer.H))
     return np.asarray(np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T)
 
 
