@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from dcmg_bringup.papers import uie
+from dcmg_bringup.papers import uie, uie_co2
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -37,3 +37,15 @@ def test_figures_are_written(result: uie.UieResult, tmp_path: Path) -> None:
     paths = uie.plot(result, tmp_path / "figures")
     assert [path.name for path in paths] == ["uie_fig2.png", "uie_noise.png"]
     assert all(path.read_bytes().startswith(b"\x89PNG") for path in paths)
+
+
+def test_occupancy_on_the_synthetic_building(tmp_path: Path) -> None:
+    """Exact without noise; with it far better than regression on the present CO2, close to regressions on windows."""
+    found = uie_co2.run()
+    assert not [check for check in uie_co2.checks(found) if not check.ok]
+    estimator, present, window, process = found.mae
+    assert estimator < 0.5 * present
+    # As written in the docs: on this building both regressions on windows win by up to a half.
+    assert max(window, process) < estimator < 1.6 * min(window, process)
+    (path,) = uie_co2.plot(found, tmp_path)
+    assert path.read_bytes().startswith(b"\x89PNG")

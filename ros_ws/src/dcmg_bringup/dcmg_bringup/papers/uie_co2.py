@@ -40,7 +40,12 @@ BREATH_M3_S = 5.2e-6  # CO2 of one person at office work
 OUTDOOR_PPM = 420.0
 SENSOR_LAG_SEC = 180.0
 SENSOR_NOISE_PPM = 6.0  # of each of four sensors
-METHODS = ("cl-UIE", "linear regression", "Gaussian-process regression")
+METHODS = (
+    "cl-UIE",
+    "linear regression on CO2",
+    "linear regression on the window",
+    "Gaussian-process regression on the window",
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -108,8 +113,8 @@ def checks(result: Co2Result) -> list[Check]:
 def plot(result: Co2Result, out_dir: Path) -> list[Path]:
     """Draw CO2, occupancy and estimates of the estimated days."""
     out_dir.mkdir(parents=True, exist_ok=True)
-    figure = Figure(figsize=(10.0, 8.0), layout="constrained")
-    panels = figure.subplots(4, 1, sharex=True)
+    figure = Figure(figsize=(10.0, 10.0), layout="constrained")
+    panels = figure.subplots(5, 1, sharex=True)
     hours = np.arange(len(result.co2)) * PERIOD_SEC / 3600.0
     panels[0].plot(hours, result.co2, "k-")
     panels[0].set(ylabel="CO2 [ppm]", title="synthetic building, three weekdays that no method has seen")
@@ -188,15 +193,20 @@ def _reconstruct(people: NDArray[np.float64], co2: NDArray[np.float64]) -> tuple
 
 
 def _regressions(people: NDArray[np.float64], co2: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-    """Linear and Gaussian-process regression of the occupancy on the same window of outputs, zero when closed."""
+    """Regressions of the occupancy on the present CO2 and on the window of cl-UIE, zero when closed."""
     split, length = RECORDED_DAYS * DAY, PAST + FUTURE
     padded = np.concatenate([np.full(PAST, co2[0]), co2, np.full(FUTURE - 1, co2[-1])])
-    windows = np.lib.stride_tricks.sliding_window_view(padded, length) - OUTDOOR_PPM
+    windows = np.lib.stride_tricks.sliding_window_view(padded, length) / 100.0
     learned = np.flatnonzero(_working(split))
-    kernel = RBF(length_scale=300.0) * 1000.0 + WhiteKernel(noise_level=10.0)
+    kernel = RBF(length_scale=3.0) + WhiteKernel(noise_level=0.01)
     found = []
-    for model in (LinearRegression(), GaussianProcessRegressor(kernel=kernel, normalize_y=True, random_state=0)):
-        model.fit(windows[learned], people[learned])
-        estimate = np.maximum(model.predict(windows[split:]), 0.0)
+    models = (
+        (LinearRegression(), windows[:, PAST : PAST + 1]),
+        (LinearRegression(), windows),
+        (GaussianProcessRegressor(kernel=kernel, normalize_y=True, random_state=0), windows),
+    )
+    for model, features in models:
+        model.fit(features[learned], people[learned])
+        estimate = np.maximum(model.predict(features[split:]), 0.0)
         found.append(np.where(_working(len(estimate)), estimate, 0.0))
     return tuple(found)
