@@ -6,6 +6,7 @@ from pathlib import Path
 
 from typer.testing import CliRunner
 
+import pytest
 from dcmg_bringup.bag_commands import app
 
 
@@ -27,3 +28,15 @@ def test_check_and_repair(bag: Path, tmp_path: Path) -> None:
     assert run(app, ["check", str(tmp_path / "run_repaired")]).exit_code == 0
     told = json.loads(run(app, ["repair", str(path), "--out", str(tmp_path / "other"), "--json"]).output)
     assert told["messages"] == document["messages"]
+
+
+def test_info_and_export(bag: Path, tmp_path: Path) -> None:
+    """A bag's content is told as table and JSON, and exported to a new folder."""
+    run = CliRunner().invoke
+    assert "240" in run(app, ["info", str(bag)]).output
+    document = json.loads(run(app, ["info", str(bag), "--json"]).output)
+    assert (document["duration_sec"], document["attachments"]) == (2.39, ["scenario.yaml", "versions.json"])
+    assert document["messages"] == sum(topic["count"] for topic in document["topics"])
+    pytest.importorskip("pyarrow")
+    done = run(app, ["export", str(bag), "--out", str(tmp_path / "tables")])
+    assert (done.exit_code, "/dgu_1/history" in done.output) == (0, True)

@@ -1,4 +1,4 @@
-"""`dcmg bag`: check and repair bags."""
+"""`dcmg bag`: look into bags, export, check and repair them."""
 
 from __future__ import annotations
 
@@ -10,15 +10,57 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from bags.bag import open_bag
 from bags.check import check as check_bag
+from bags.export import TableFormat
+from bags.export import export as export_bag
 from bags.repair import repair as repair_bag
 
 _EXIT_DAMAGED = 1
 
-app = typer.Typer(no_args_is_help=True, help="Check and repair recorded bags.")
+app = typer.Typer(no_args_is_help=True, help="Look into recorded bags, export, check and repair them.")
 
 Bag = Annotated[Path, typer.Argument(help="a bag's directory, or one MCAP file", show_default=False)]
 Json = Annotated[bool, typer.Option("--json", help="print the result as one JSON document, and nothing else there")]
+
+
+@app.command()
+def info(bag: Bag, *, json: Json = False) -> None:
+    """Show topics, counts, duration and attachments of a bag."""
+    found = open_bag(bag)
+    duration_sec = (found.end_ns - found.start_ns) * 1e-9
+    messages = sum(topic.count for topic in found.topics.values())
+    if json:
+        topics = [{"name": one.name, "type": one.type_name, "count": one.count} for one in found.topics.values()]
+        document = {
+            "bag": str(bag),
+            "messages": messages,
+            "start_ns": found.start_ns,
+            "duration_sec": duration_sec,
+            "topics": topics,
+            "attachments": sorted(found.attachments),
+        }
+        typer.echo(json_module.dumps(document))
+        return
+    table = Table("topic", "type", "messages")
+    for topic in found.topics.values():
+        table.add_row(topic.name, topic.type_name, str(topic.count))
+    Console().print(table)
+    typer.echo(f"{messages} messages over {duration_sec:g} s; attachments: {', '.join(found.attachments) or 'none'}")
+
+
+@app.command()
+def export(
+    bag: Bag,
+    *,
+    out: Annotated[Path, typer.Option(help="folder for the tables; new or empty")],
+    form: Annotated[TableFormat, typer.Option("--format", help="kind of the files")] = TableFormat.CSV,
+) -> None:
+    """Write one table a topic; messages that vary in length are left out and named."""
+    report = export_bag(bag, out, form)
+    typer.echo(f"{len(report.files)} topics are in {out}")
+    if report.left_out:
+        typer.echo(f"left out (no messages, or of varying length): {' '.join(report.left_out)}")
 
 
 @app.command()
