@@ -31,7 +31,6 @@ class Stopwatch:
     def steps(self, complete):
         if complete and (not self.points or complete > self.points[-1][1]):
             self.points.append((time.monotonic(), complete))
-    def say(self, line): pass
     def alarm(self, line): pass
 
 scenario = load_scenario(scenario_path("gallo_six_dgu"), ["duration_sec=" + sys.argv[2]])

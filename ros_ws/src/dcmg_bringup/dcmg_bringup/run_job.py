@@ -5,8 +5,11 @@ from __future__ import annotations
 import os
 from dataclasses import dataclass
 from importlib import resources
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
+from bags.container import open_container
+from bags.errors import BagError
+from bags.repair import repair
 from dcmg_bringup.domain import choose_domain
 from dcmg_bringup.processes import ProcessGroup
 from dcmg_nodes.options import BAG, NodeOptions, PacingMode
@@ -17,14 +20,22 @@ if TYPE_CHECKING:
 
     from dcmg_msgs.msg import Alarm
 
-    from dcmg_bringup.live import LiveDisplay
-    from dcmg_nodes.view_node import ViewNode
     from dcmg_nodes.wiring import Wiring
     from dgu_sim.scenario import Scenario
 
 _SPIN_SEC = 0.05
 _EXIT_GRACE_SEC = 5.0
 _ALL = "all"
+
+
+class Display(Protocol):
+    """Where the progress of a run is shown."""
+
+    def steps(self, complete: int) -> None:
+        """Show that all steps below `complete` are recorded."""
+
+    def alarm(self, line: str) -> None:
+        """Show an alarm."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,7 +76,7 @@ class RunOutcome:
     interrupted: bool
 
 
-def run_job(scenario: Scenario, out: Path, options: RunOptions, display: LiveDisplay) -> RunOutcome:
+def run_job(scenario: Scenario, out: Path, options: RunOptions, display: Display) -> RunOutcome:
     """Run a scenario as ROS 2 nodes; every process is gone when this returns.
 
     Raises:
@@ -100,7 +111,7 @@ def ros_environment(domain: int) -> dict[str, str]:
     }
 
 
-def _follow(wiring: Wiring, group: ProcessGroup, bag: Path, display: LiveDisplay) -> RunOutcome:
+def _follow(wiring: Wiring, group: ProcessGroup, bag: Path, display: Display) -> RunOutcome:
     from dcmg_nodes.view_node import ViewNode  # noqa: PLC0415 (needs the ROS environment of this run)
 
     def on_alarm(alarm: Alarm) -> None:
@@ -110,23 +121,30 @@ def _follow(wiring: Wiring, group: ProcessGroup, bag: Path, display: LiveDisplay
 
     alarms = [topic.name for topic in wiring.topics.all if topic.type_name == "dcmg_msgs/msg/Alarm"]
     view = ViewNode(alarms, on_alarm)
-    failure, interrupted = None, False
+    death, stalled, interrupted = None, False, False
     try:
-        while view.end is None and failure is None:
+        while not (view.end or death or stalled):
             view.spin(_SPIN_SEC)
             display.steps(view.progress.steps)
-            failure = _failure(view, group)
-            if failure is None and group.wait(0.0):
+            death, stalled = group.death(), bool(view.progress.waiting_for)
+            if death is None and group.wait(0.0):
                 break
-        if failure is None:
+        view.close()  # the recorder waits until nobody listens to the end of the run
+        if not (death or stalled):
             group.wait(_EXIT_GRACE_SEC)
     except KeyboardInterrupt:
         interrupted = True
     finally:
         group.stop()
-        steps = view.progress.steps if view.end is None else view.end.steps
-        display.steps(steps)
         view.close()
+    steps = _recorded_steps(bag, wiring)
+    display.steps(steps)
+    failure = None
+    if death is not None:
+        failure = f"node {death.process} ended at step {steps} ({death.reason})"
+    elif stalled:
+        waiting_for, topic = view.progress.waiting_for, view.progress.topic
+        failure = f"the run stalled: step {steps} waits for node {waiting_for} ({topic})"
     return RunOutcome(
         bag=bag,
         steps=steps,
@@ -137,11 +155,15 @@ def _follow(wiring: Wiring, group: ProcessGroup, bag: Path, display: LiveDisplay
     )
 
 
-def _failure(view: ViewNode, group: ProcessGroup) -> str | None:
-    step = view.progress.steps
-    death = group.death()
-    if death is not None:
-        return f"node {death.process} ended at step {step} ({death.reason})"
-    if view.progress.waiting_for:
-        return f"the run stalled: step {step} waits for node {view.progress.waiting_for} ({view.progress.topic})"
-    return None
+def _recorded_steps(bag: Path, wiring: Wiring) -> int:
+    """Count the complete steps in a bag; one that a killed recorder left open is repaired in its place."""
+    if not bag.exists():
+        return 0
+    try:
+        counts = open_container(bag).counts
+    except BagError:
+        broken = bag.with_name(f"{bag.name}_as_left_by_the_recorder")
+        bag.rename(broken)
+        repair(broken, bag)
+        counts = open_container(bag).counts
+    return min(counts.get(topic.name, 0) for topic in wiring.topics.per_step)

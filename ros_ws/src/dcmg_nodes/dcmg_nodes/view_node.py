@@ -50,7 +50,9 @@ class ViewNode:
         self._executor.spin_once(timeout_sec=duration_sec)
 
     def close(self) -> None:
-        """Leave the ROS graph."""
+        """Leave the ROS graph; a second call does nothing."""
+        if not self._context.ok():
+            return
         self._executor.shutdown()
         self._node.destroy_node()
         self._context.try_shutdown()
