@@ -308,6 +308,7 @@ def _metadata_faults(path: Path, files: list[_File]) -> list[str]:
     if (
         last.library.startswith(OURS)
         and last.metadata_text
+        and (len(files) == 1 or f"- {files[0].file.name}\n" in last.metadata_text)  # else it is about one file only
         and file.read_bytes().decode("utf-8", "replace") != (whole_document(last.metadata_text))
     ):
         faults.append("differs from its copy in the last file")

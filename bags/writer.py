@@ -17,6 +17,7 @@ from bags.chunk import MESSAGE_HEAD, MESSAGE_HEAD_LENGTH, OpenChunk
 from bags.errors import BagError
 from bags.mcap_file import Compression, McapFile
 from bags.metadata import BagInfo, FileEntry, TopicEntry, offered_qos_text, write_metadata
+from bags.recording import Split, TopicFilter
 from bags.topic import Topic
 from bags.typestore import schema_text, type_hash
 
@@ -41,6 +42,8 @@ class BagWriter:
         chunk_bytes: int = CHUNK_BYTES,
         max_chunk_age_sec: float | None = MAX_CHUNK_AGE_SEC,
         custom_data: Mapping[str, str] | None = None,
+        split: Split | None = None,
+        topic_filter: TopicFilter | None = None,
     ) -> None:
         """Create the directory and the head of its file.
 
@@ -52,6 +55,8 @@ class BagWriter:
             max_chunk_age_sec: A chunk is closed, at the latest, by the first message that comes this long (wall
                 time) after its first one; None: by size only.
             custom_data: Free texts for metadata.yaml.
+            split: When to go on in another file; None: never.
+            topic_filter: What to record; None: everything. Messages on other topics are taken and left out.
 
         Raises:
             BagError: The path exists or cannot be made.
@@ -62,6 +67,12 @@ class BagWriter:
         self._custom = dict(custom_data or {})
         self._schema_ids: dict[str, int] = {}
         self._topics: dict[str, Topic] = {}
+        self._ignored: set[str] = set()
+        self._compression = compression
+        self._split = split or Split()
+        self._filter = topic_filter or TopicFilter()
+        self._done: list[FileEntry] = []
+        self._done_counts: dict[int, int] = {}  # messages in complete files by channel id
         self._channel_ids: dict[str, int] = {}
         self._sequences: dict[str, int] = {}
         self._chunk = OpenChunk()
@@ -69,7 +80,7 @@ class BagWriter:
         self._open = True
         with self._disk():
             _make_directory(path)
-            self._file = McapFile(path / f"{path.name}_0.mcap", compression, Profile.ROS2)
+            self._file = McapFile(path / self._file_name(0), compression, Profile.ROS2)
         for topic in topics:
             self.add_topic(topic)
 
@@ -91,17 +102,11 @@ class BagWriter:
         """
         if topic.name in self._topics:
             raise BagError(f"{self._path}: topic {topic.name} is announced twice")
+        if not self._filter.accepts(topic.name):
+            self._ignored.add(topic.name)
+            return
         with self._disk():
-            if topic.type_name not in self._schema_ids:
-                text = schema_text(topic.type_name).encode()
-                self._schema_ids[topic.type_name] = self._file.add_schema(topic.type_name, SchemaEncoding.ROS2, text)
-            metadata = {
-                "offered_qos_profiles": offered_qos_text(topic),
-                "topic_type_hash": type_hash(topic.type_name),
-            }
-            self._channel_ids[topic.name] = self._file.add_channel(
-                topic.name, MessageEncoding.CDR, self._schema_ids[topic.type_name], metadata
-            )
+            self._announce(self._file, topic)
         self._topics[topic.name] = topic
         self._sequences[topic.name] = 0
 
@@ -117,6 +122,8 @@ class BagWriter:
             BagError: The topic is not announced, the bag is closed, or the disk refuses.
         """
         channel_id = self._channel_ids.get(topic)
+        if topic in self._ignored and self._open:
+            return
         if channel_id is None or not self._open:
             raise BagError(f"{self._path}: message on {topic}, expected {self._expectation()}")
         sequence = self._sequences[topic]
@@ -132,7 +139,7 @@ class BagWriter:
 
     def format_of(self, topics: Sequence[Topic]) -> BlockFormat:
         """Format of the blocks that `write_block` takes."""
-        return block_format(topics, self._channel_ids)
+        return block_format(topics, {**dict.fromkeys(self._ignored, 0), **self._channel_ids})
 
     def write_block(self, layout: BlockFormat, block: NDArray[np.void]) -> None:
         """Append many rows of messages.
@@ -146,7 +153,9 @@ class BagWriter:
         """
         if not self._open:
             raise BagError(f"{self._path}: block of messages, expected {self._expectation()}")
-        if not len(block):
+        if self._ignored:
+            layout, block = self._kept(layout, block)
+        if not len(block) or not layout.topics:
             return
         for topic in layout.topics:
             first = self._sequences[topic.name]
@@ -212,20 +221,91 @@ class BagWriter:
                         self._file.finish({"rosbag2": {"serialized_metadata": self._information()}})
                         write_metadata(self._path, self._information())
                     except OSError:
-                        if not self._file.drop_last_chunk():
+                        if self._file.drop_last_chunk():
+                            continue
+                        if not self._done:
                             raise
+                        self._drop_file()
+                        return
                     else:
                         return
         finally:
             self._file.close()
 
+    def _drop_file(self) -> None:
+        """Give up the open file, for which there is no room, and describe those before it.
+
+        Raises:
+            OSError: The disk refuses.
+        """
+        self._file.close()
+        (self._path / self._file_name(len(self._done))).unlink()
+        counts = self._done_counts
+        entries = [TopicEntry.of(one, counts.get(self._channel_ids[name], 0)) for name, one in self._topics.items()]
+        write_metadata(self._path, BagInfo(files=self._done, topics=entries, custom=self._custom).to_yaml())
+
     def _information(self) -> str:
-        start_ns, end_ns = self._file.time_range_ns
-        counts = self._file.counts
+        """metadata.yaml of all files."""
+        counts = {
+            channel_id: count + self._done_counts.get(channel_id, 0) for channel_id, count in self._file.counts.items()
+        }
         entries = [TopicEntry.of(topic, counts[self._channel_ids[name]]) for name, topic in self._topics.items()]
-        name, total = f"{self._path.name}_0.mcap", sum(counts.values())
-        file = FileEntry(name=name, start_ns=start_ns, end_ns=end_ns, count=total)
-        return BagInfo(files=[file], topics=entries, custom=self._custom).to_yaml()
+        return BagInfo(files=[*self._done, self._file_entry()], topics=entries, custom=self._custom).to_yaml()
+
+    def _file_entry(self) -> FileEntry:
+        start_ns, end_ns = self._file.time_range_ns
+        name, count = self._file_name(len(self._done)), sum(self._file.counts.values())
+        return FileEntry(name=name, start_ns=start_ns, end_ns=end_ns, count=count)
+
+    def _file_name(self, number: int) -> str:
+        return f"{self._path.name}_{number}.mcap"
+
+    def _announce(self, file: McapFile, topic: Topic) -> None:
+        if topic.type_name not in self._schema_ids:
+            text = schema_text(topic.type_name).encode()
+            self._schema_ids[topic.type_name] = file.add_schema(topic.type_name, SchemaEncoding.ROS2, text)
+        metadata = {
+            "offered_qos_profiles": offered_qos_text(topic),
+            "topic_type_hash": type_hash(topic.type_name),
+        }
+        self._channel_ids[topic.name] = file.add_channel(
+            topic.name, MessageEncoding.CDR, self._schema_ids[topic.type_name], metadata
+        )
+
+    def _next_file(self) -> None:
+        """Complete the file and go on in another one with the same channels.
+
+        Raises:
+            OSError: The disk refuses; the file is as it was.
+        """
+        path = self._path / self._file_name(len(self._done) + 1)
+        following = McapFile(path, self._compression, Profile.ROS2)
+        try:
+            self._schema_ids.clear()
+            for topic in self._topics.values():
+                self._announce(following, topic)
+            entry, counts = self._file_entry(), self._file.counts
+            topics = [TopicEntry.of(topic, counts[self._channel_ids[name]]) for name, topic in self._topics.items()]
+            information = BagInfo(files=[entry], topics=topics, custom=self._custom).to_yaml()
+            self._file.finish({"rosbag2": {"serialized_metadata": information}})
+        except OSError:
+            following.close()
+            path.unlink()
+            raise
+        self._file.close()
+        self._file = following
+        self._done.append(entry)
+        for channel_id, count in counts.items():
+            self._done_counts[channel_id] = self._done_counts.get(channel_id, 0) + count
+
+    def _kept(self, layout: BlockFormat, block: NDArray[np.void]) -> tuple[BlockFormat, NDArray[np.void]]:
+        """Format and rows without the topics that are not recorded."""
+        topics = [topic for topic in layout.topics if topic.name not in self._ignored]
+        kept = block_format(topics, self._channel_ids)
+        rows = np.empty(len(block), dtype=kept.dtype)
+        for name in kept.dtype.names or ():
+            rows[name] = block[name]
+        return kept, rows
 
     def __enter__(self) -> "BagWriter":
         """Return self."""
@@ -239,14 +319,18 @@ class BagWriter:
 
     def _close_chunk(self) -> None:
         chunk, self._chunk = self._chunk, OpenChunk()
+        start_ns, _ = self._file.time_range_ns
         try:
+            if sum(self._file.counts.values()) and self._split.due(self._file.size, start_ns, chunk.time_range_ns()[1]):
+                self._next_file()
             self._file.add_chunk(chunk)
         except OSError as error:
             self._finish()
-            _, end_ns = self._file.time_range_ns
+            end_ns = max([self._file.time_range_ns[1], *(one.end_ns for one in self._done)])
+            count = sum(self._file.counts.values()) + sum(one.count for one in self._done)
             raise BagError(
                 f"{self._path}: cannot write the bag ({error.strerror or error}); it is closed and valid up to "
-                f"{end_ns * 1e-9:g} s, {sum(self._file.counts.values())} messages"
+                f"{end_ns * 1e-9:g} s, {count} messages"
             ) from error
 
     def _expectation(self) -> str:

@@ -4,9 +4,9 @@ import json
 import shutil
 from pathlib import Path
 
+import pytest
 from typer.testing import CliRunner
 
-import pytest
 from dcmg_bringup.bag_commands import app
 
 
