@@ -153,9 +153,14 @@ def design_monitors(topics: RunTopics, settings: MonitorSettings, histories: Map
     groups = [
         LinkGroup(
             positions=np.array(positions, dtype=np.intp),
-            monitor=LinkMonitor(observer=observer, detector=detector, blind=blind),
+            monitor=LinkMonitor(
+                observer=observer,
+                detector=detector,
+                channels=designs[positions[0]].channels,
+                blind=designs[positions[0]].blind,
+            ),
         )
-        for positions, observer, blind in _grouped(designs)
+        for positions, observer in _grouped(designs)
     ]
     return RunMonitors(designs=designs, groups=tuple(groups))
 
@@ -173,19 +178,18 @@ def alarm_changes(alarm: NDArray[np.bool_], before: NDArray[np.bool_], links: Se
     return sorted(found, key=lambda one: (one[0], links[one[1]].target, links[one[1]].source))
 
 
-def _grouped(designs: Sequence[Design]) -> list[tuple[list[int], Observer, bool]]:
-    """Positions, observer and blindness of the links that step together; refused ones are in no group."""
+def _grouped(designs: Sequence[Design]) -> list[tuple[list[int], Observer]]:
+    """Positions and observer of the links that step together; refused ones are in no group."""
     shapes: dict[tuple[object, ...], list[int]] = {}
     for position, design in enumerate(designs):
         observer = design.observer
         if isinstance(observer, LinearObserver):
             shape = (observer.order, observer.states, observer.outputs, observer.inputs)
-            shapes.setdefault((_is_blind(design), *shape), []).append(position)
+            shapes.setdefault((design.blind, design.channels, *shape), []).append(position)
         elif observer is not None:
-            shapes[_is_blind(design), position] = [position]
+            shapes[position,] = [position]
     return [
-        (positions, _stacked([designs[position].observer for position in positions]), bool(key[0]))
-        for key, positions in shapes.items()
+        (positions, _stacked([designs[position].observer for position in positions])) for positions in shapes.values()
     ]
 
 
@@ -203,11 +207,6 @@ def _stacked(members: Sequence[Observer | None]) -> Observer:
         outputs=first.outputs,
         states=first.states,
     )
-
-
-def _is_blind(design: Design) -> bool:
-    report = design.certificate.residual
-    return report is not None and report.blind
 
 
 def _run_group(

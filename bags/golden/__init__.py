@@ -1,0 +1,5 @@
+"""Small recorded runs with their expected results; `python -m bags.golden` records them again."""
+
+from bags.golden.runs import GOLDEN, expected_of, golden_path, record_golden
+
+__all__ = ["GOLDEN", "expected_of", "golden_path", "record_golden"]
