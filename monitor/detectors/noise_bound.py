@@ -23,7 +23,8 @@ if TYPE_CHECKING:
 
 KIND = "noise_bound"
 _LONGEST = 100_000  # samples within which an observer forgets
-_FORGOTTEN = 1e-16  # share of the sum below which a response adds nothing that floats can hold
+_FORGOTTEN = 1e-17  # share of the sum below which a response adds nothing that floats can hold
+_QUIET = 50  # samples in a row that a response must be that small: a swinging one crosses zero now and then
 
 
 @checked_dataclass(frozen=True, slots=True, kw_only=True, config=ConfigDict(extra="forbid"))
@@ -110,12 +111,14 @@ class NoiseBoundDetector:
         total: list[Component] = [0.0] * outputs
         bound: list[Component] = [0.0] * outputs
         responses = zip(_response(observer, noise, first=False), _response(observer, noise, first=True), strict=True)
+        quiet = 0
         for step, (later, started) in enumerate(responses):
             if step >= self.schedule.settle_steps:
                 reached = [own + summed for own, summed in zip(started, total, strict=True)]
                 bound = [larger(one, other) for one, other in zip(bound, reached, strict=True)]
             total = [summed + one for summed, one in zip(total, later, strict=True)]
-            if step > self.schedule.settle_steps and _forgotten(later, total) and _forgotten(started, total):
+            quiet = quiet + 1 if _forgotten(later, total) and _forgotten(started, total) else 0
+            if step > self.schedule.settle_steps and quiet >= _QUIET:
                 bound = [larger(one, other) for one, other in zip(bound, total, strict=True)]
                 return tuple([(1.0 + 1e-12) * one + least for one, least in zip(bound, floor, strict=True)])
         raise MonitorError(f"{KIND}: the observer still answers after {_LONGEST} samples, expected one that forgets")

@@ -7,14 +7,16 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
+from bags.monitors import StackedObserver
 from monitor.detectors import build, matched
 from monitor.detectors.noise_bound import NoiseBoundDetector
 from monitor.errors import MonitorError
+from monitor.observers import LinearObserver, design
 
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from monitor.observers import LinearObserver
+    from monitor.history import History
 
 NOISE = [0.01, 0.02, 0.003]
 FLOOR = 1e-12
@@ -97,3 +99,20 @@ def test_noise_must_fit_the_outputs(uio: LinearObserver) -> None:
     """Two noise levels for three outputs are refused."""
     with pytest.raises(MonitorError, match="noise has 2 components, expected 1 or 3"):
         matched(build("noise_bound", {"noise": [0.1, 0.1]}, 0.01), uio)
+
+
+def test_observers_side_by_side_get_their_own_bounds(dgu_history: Callable[..., History]) -> None:
+    """Matched to several links' observers stepped as one, it has the bits of each alone."""
+    built = [design("full_order", dgu_history(number), {}).observer for number in (1, 2, 3)]
+    alone = [one for one in built if isinstance(one, LinearObserver)]
+    whole = [np.block([[one.H, one.J], [one.M, one.D], [one.A, one.B]]) for one in alone]
+    start = np.stack([one.Z for one in alone], axis=-1)
+    together = StackedObserver(whole=np.stack(whole, axis=-1), start=start, inputs=0, outputs=3, states=3)
+    detector = build("noise_bound", OPTIONS, 0.01)
+    stacked = matched(detector, together)
+    assert isinstance(stacked, NoiseBoundDetector)
+    assert stacked.bound is not None
+    for position, observer in enumerate(alone):
+        bound = _matched(observer).bound
+        assert bound is not None
+        assert [float(np.asarray(one)[position]) for one in stacked.bound] == [float(one) for one in bound]
