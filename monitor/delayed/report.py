@@ -5,6 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+from monitor.observers.protocol import Design
+
 if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
@@ -82,3 +84,7 @@ class DelayedDesign:
     def verdict(self) -> str:
         """One line in plain words."""
         return self.certificate.verdict
+
+    def as_design(self) -> Design:
+        """Same design under the one observer protocol, as a link monitor takes it."""
+        return Design(kind=self.kind, observer=self.observer, certificate=self.certificate)

@@ -14,8 +14,10 @@ from monitor.delayed.model import window_of
 from monitor.delayed.model_based import design_from_model
 from monitor.delayed.performance import optimise, solve_lmi
 from monitor.delayed.realisation import realise
+from monitor.detectors import build
 from monitor.errors import MonitorError
 from monitor.history import Experiment, History
+from monitor.link_monitor import LinkMonitor
 
 Floats = NDArray[np.float64]
 
@@ -361,3 +363,21 @@ def test_floats_and_arrays_step_to_the_same_bits() -> None:
     for sample in y:
         state, found = made.observer.step(state, (), tuple(sample))
     assert np.array_equal(np.array(found.estimate).T, np.array(alone))
+
+
+def test_it_runs_as_a_link_monitor_and_restarts_after_a_gap() -> None:
+    """Under the one protocol: a missing sample makes the residual NaN, then the observer starts afresh and settles."""
+    model = dgu(3)
+    made = design(random_history(model, np.random.default_rng(2), 30, np.array([11.0, 50.0])), {"delay": 1}).as_design()
+    assert made.accepted
+    monitor = LinkMonitor(made.observer, build("fixed", {"settle_sec": 0.1, "calibrate_sec": 0.2}, 0.01))
+    state, x, residuals = monitor.init(), np.array([46.78, 9.0, 11.0]), []
+    generator = np.random.default_rng(5)
+    for step in range(90):
+        state, output = monitor.step(state, tuple(float(one) for one in x), delivered=step != 40)
+        residuals.append([float(one) for one in output.residual])
+        x = model.A @ x + model.B @ (np.array([9.0, 47.0]) + generator.uniform(-1.0, 1.0, 2))
+    found = np.array(residuals)
+    assert np.all(np.isnan(found[40]))
+    assert np.all(np.isfinite(np.delete(found, 40, axis=0)))
+    assert np.max(np.abs(found[[39, 89]])) < 1e-6

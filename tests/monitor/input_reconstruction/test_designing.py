@@ -8,10 +8,12 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from monitor.detectors import build
 from monitor.errors import MonitorError
 from monitor.history import Experiment, History
 from monitor.input_reconstruction import InputDesign, design, impose
 from monitor.input_reconstruction.attacks import with_attack
+from monitor.link_monitor import LinkMonitor
 
 Floats = NDArray[np.float64]
 Plant = tuple[Floats, Floats, Floats, Floats]
@@ -265,3 +267,19 @@ def test_an_attack_on_one_output_is_reconstructed_next_to_the_inputs() -> None:
     found = reconstruct(made, y)
     assert np.allclose(found[1:60, 1][40:], 0.0, atol=1e-6)
     assert np.allclose(found[120:, 1], 0.25, atol=1e-6)
+
+
+def test_it_runs_as_a_link_monitor_and_restarts_after_a_gap() -> None:
+    """Under the one protocol: the estimate is the input; a missing sample restarts the estimator."""
+    plant = stable_plant(np.random.default_rng(4), 3, 1, 2, direct=True)
+    made = design("cl_uie", record(plant, np.random.default_rng(5)), {"past": 4}).as_design()
+    monitor = LinkMonitor(made.observer, build("fixed", {"settle_sec": 0.1, "calibrate_sec": 0.2}, 0.01))
+    u = np.random.default_rng(6).standard_normal((300, 1))
+    y = simulate(plant, u, np.zeros(3))
+    state, found = monitor.init(), []
+    for step, sample in enumerate(y):
+        state, output = monitor.step(state, tuple(float(one) for one in sample), delivered=step != 150)
+        found.append(float(np.asarray(output.estimate[0])))
+    assert np.isnan(found[150])
+    assert np.isfinite(found[151])
+    assert np.allclose(np.array(found)[[149, 299]], u[[149, 299], 0], atol=1e-6)
