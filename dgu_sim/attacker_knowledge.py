@@ -37,9 +37,9 @@ class ScenarioKnowledge:
         return discretise(A_c, E_c, self.scenario.sampling_period_sec)
 
     def history(self, dgu: int, seed: int) -> Sequence[FloatArray]:
-        """Return the outputs (T, 3) of each experiment: the very numbers the monitors learn from."""
+        """Return the states (T, 3) of each experiment: the very numbers the monitors learn from."""
         run = self.scenario.model_copy(update={"seed": seed})
-        return tuple(np.asarray(experiment.y) for experiment in run_experiments(run, dgu))
+        return tuple(np.asarray(experiment.x) for experiment in run_experiments(run, dgu))
 
     def conductance(self, link: Link) -> float:
         """Return 1/R_ij [S] of the power line along a link."""

@@ -22,7 +22,7 @@ class Knowledge(Protocol):
         ...
 
     def history(self, dgu: int, seed: int) -> Sequence[FloatArray]:
-        """Return the outputs (T, 3) of each recorded experiment of one DGU, in the run of a seed."""
+        """Return the states (T, 3) of each recorded experiment of one DGU, in the run of a seed."""
         ...
 
     def conductance(self, link: Link) -> float:
