@@ -214,12 +214,14 @@ def _finish(
         f"accepted: reconstructs {len(gains.U1)} inputs {report.delay} steps late; errors shrink to 1 % in "
         f"{dynamics.convergence_steps} steps (radius {radius:.3g}); rank {report.rank_basis}"
     )
+    residual = measure_residual(observer, np.full(observer.outputs, options.threshold))
+    blind = "; its residual is BLIND to every falsification" if residual.blind else ""
     certificate = Certificate(
         kind=kind,
         accepted=True,
-        verdict=verdict,
+        verdict=verdict + blind,
         dynamics=dynamics,
-        residual=measure_residual(observer, np.full(observer.outputs, options.threshold)),
+        residual=residual,
         matrices=matrices,
     )
     return InputDesign(kind=kind, observer=observer, certificate=certificate, report=report)

@@ -255,6 +255,7 @@ def test_exact_gains_from_any_history_decouple_the_true_plant(seed: int, outputs
     made = design(random_history(model, generator, 20, np.array([11.0, 50.0])), {"delay": 1})
     assert made.guarantee is not None, made.verdict
     assert made.guarantee.exact
+    assert ("BLIND" in made.verdict) == (outputs == 2)  # as many outputs as unknown inputs explain everything
     w = np.array([9.0, 47.0]) + generator.standard_normal((60, 2))
     states, estimates, _ = run(made, model, w, np.array([46.78, 9.0, 11.0]))
     # Exact in 0.37**50; the data equations hold to rounding of numbers of size 50 divided by the excitation.
