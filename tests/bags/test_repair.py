@@ -215,7 +215,7 @@ def test_killed_recorder(tmp_path: Path) -> None:
 def test_zeros_of_a_power_failure(originals: list[Original], tmp_path: Path) -> None:
     """Where the file system left zeros instead of the last data, nothing is made up from them."""
     for original in originals:
-        for cut in range(len(original.data) // 3, len(original.data), 211):
+        for cut in range(len(original.data) // 3, len(original.data), 500):
             path = spoil(original, tmp_path, original.data[:cut] + bytes(4096))
             assert not check(path).clean
             found, _ = repaired(path, tmp_path / "out", checked=False)
@@ -247,7 +247,7 @@ def test_foreign_file(tmp_path: Path, *, chunked: bool) -> None:
     assert len(found) == report.messages + report.salvaged >= 15
 
 
-@settings(max_examples=150, deadline=None)  # every example writes files
+@settings(max_examples=60, deadline=None)  # every example writes files
 @given(data=st.binary(max_size=400), framed=st.booleans(), at=st.integers(0, 2000))
 def test_arbitrary_bytes(originals: list[Original], data: bytes, at: int, *, framed: bool) -> None:
     """Whatever is in the file, check, repair and reader say one line or find only messages that were recorded."""

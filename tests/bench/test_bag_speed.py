@@ -1,0 +1,98 @@
+"""How fast bags are read, recorded and replayed, as ratios within one run: `make bench` prints them."""
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from mcap.writer import CompressionType, Writer
+from rosbags.highlevel import AnyReader
+
+from bags.bag import open_bag
+from bags.mcap_file import Compression
+from bags.offline import simulate_to_bag
+from bags.reader import read_run
+from bags.replay import replay
+from bags.schema import run_topics
+from bags.writer import BagWriter
+from dcmg_bringup.shipped import scenario_path
+from dgu_sim.scenario import load_scenario
+
+pytestmark = pytest.mark.bench
+
+_DURATION_SEC = 60
+
+
+def _seconds(work: Callable[[], object]) -> float:
+    best = float("inf")
+    for _ in range(3):
+        start = time.perf_counter()
+        work()
+        best = min(best, time.perf_counter() - start)
+    return best
+
+
+def report(name: str, ratio: float, wanted: str) -> None:
+    """Print one line of the result."""
+    print(f"\n{name:60} {ratio:8.2f} x  (wanted: {wanted})", end="")  # noqa: T201 - what a bench is for
+
+
+@pytest.fixture(scope="module")
+def bag(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A minute of the six-DGU grid."""
+    scenario = load_scenario(scenario_path("gallo_six_dgu"), [f"duration_sec={_DURATION_SEC}"])
+    return simulate_to_bag(scenario, tmp_path_factory.mktemp("bench") / "run")
+
+
+def _by_rosbags(bag: Path) -> None:
+    with AnyReader([bag]) as reader:
+        for connection, _, data in reader.messages():
+            reader.deserialize(data, connection.msgtype)
+
+
+def test_bulk_reading(bag: Path) -> None:
+    """All messages of a run as arrays, against rosbags one by one."""
+    ours = _seconds(lambda: read_run(bag))
+    theirs = _seconds(lambda: _by_rosbags(bag))
+    report("reading a run, against rosbags", theirs / ours, "at least 10")
+
+
+def test_recording(tmp_path: Path) -> None:
+    """Message by message, against the writer of the mcap library with the same chunks and compression."""
+    topic = run_topics((1,), (), 10_000_000).state(1)
+    payload, count, number = topic.layout.template(1).tobytes(), 50_000, iter(range(100))
+
+    def ours() -> None:
+        with BagWriter(tmp_path / f"ours_{next(number)}", [topic.topic], compression=Compression.ZSTD) as writer:
+            for step in range(count):
+                writer.write(topic.topic.name, step, payload)
+
+    def theirs() -> None:
+        with (tmp_path / f"theirs_{next(number)}").open("wb") as stream:
+            writer = Writer(stream, chunk_size=64 * 1024, compression=CompressionType.ZSTD)
+            writer.start("ros2", "bench")
+            channel = writer.register_channel(topic.topic.name, "cdr", 0)
+            for step in range(count):
+                writer.add_message(channel, step, payload, step, step)
+            writer.finish()  # type: ignore[no-untyped-call] # mcap leaves it without a type
+
+    report("cost of recording a message, against the mcap library", _seconds(ours) / _seconds(theirs), "at most 2")
+
+
+def test_replay(bag: Path) -> None:
+    """Reading, designing and monitoring again, against the simulated time."""
+    seconds = _seconds(lambda: replay(bag))
+    report("offline replay, against real time", _DURATION_SEC / seconds, "at least 100")
+
+
+def test_one_topic(bag: Path) -> None:
+    """One topic through the public reader, against rosbags."""
+
+    def theirs() -> None:
+        with AnyReader([bag]) as reader:
+            chosen = [one for one in reader.connections if one.topic == "/dgu_1/state"]
+            for connection, _, data in reader.messages(connections=chosen):
+                reader.deserialize(data, connection.msgtype)
+
+    ratio = _seconds(theirs) / _seconds(lambda: open_bag(bag).array("/dgu_1/state"))
+    report("reading one topic, against rosbags", ratio, "at least 10")
