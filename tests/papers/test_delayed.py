@@ -8,9 +8,15 @@ import numpy as np
 import pytest
 
 from dcmg_bringup.papers import delayed
+from dcmg_bringup.papers.turan_2021 import DGUS, T_S
+from dgu_sim.matrices import continuous, discretise
+from monitor.delayed import design
+from monitor.history import single
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from monitor.history import History
 
 
 @pytest.fixture(scope="module")
@@ -34,3 +40,32 @@ def test_figure_is_written(result: delayed.DelayedResult, tmp_path: Path) -> Non
     (path,) = delayed.plot(result, tmp_path / "figures")
     assert path.name == "delayed.png"
     assert path.read_bytes().startswith(b"\x89PNG")
+
+
+CONDUCTANCE = (44.3, 45.0, 31.0, 54.2, 25.0, 22.5)  # sum of 1/R_ij of every DGU's lines [S] (theory.md section 1)
+
+
+@pytest.mark.parametrize("number", range(6))
+def test_an_attack_on_any_single_output_of_a_connected_dgu_can_be_reconstructed(number: int) -> None:
+    """From history alone, next to unknown load and reference, for V, I_t and v of all six DGUs on their lines."""
+    for channel in range(3):
+        made = design(_history(number, CONDUCTANCE[number]), {"attacked": (channel,), "goal": "exact"})
+        assert made.accepted, made.verdict
+
+
+def test_an_isolated_dgu_may_hide_an_attack_behind_an_unstable_zero() -> None:
+    """Isolated, DGU 4 has a zero at -17.7 from a false I_t: the attack cannot be reconstructed, and that is said."""
+    made = design(_history(3, 0.0), {"attacked": (1,), "goal": "exact"})
+    assert not made.accepted
+    assert "17.68" in made.verdict
+
+
+def _history(number: int, conductance: float) -> History:
+    """Thirty samples of one DGU under random load and reference."""
+    A, E = discretise(*continuous(DGUS[number], conductance), T_S)
+    generator = np.random.default_rng(number)
+    rows = [generator.uniform(-1.0, 1.0, 3)]
+    for d in np.array([11.0, 50.0]) + generator.uniform(-1.0, 1.0, (29, 2)):
+        rows.append(A @ rows[-1] + E @ d)
+    x = np.array(rows)
+    return single(np.empty((30, 0)), x, x, T_S)

@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 @pytest.fixture(scope="module")
 def result() -> dduio.DduioResult:
     """The comparison."""
-    return dduio.run()
+    return dduio.run(runs=20)
 
 
 def test_numbers_of_the_page_come_out(result: dduio.DduioResult) -> None:

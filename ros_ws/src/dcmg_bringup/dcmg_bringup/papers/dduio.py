@@ -78,14 +78,14 @@ class DduioResult:
     form_error: NDArray[np.float64]
 
 
-def run(seed: int = 0) -> DduioResult:
-    """Design and run all methods on the same data, 60 times."""
+def run(seed: int = 0, runs: int = RUNS) -> DduioResult:
+    """Design and run all methods on the same data, 60 times unless told otherwise."""
     truth = model_based(_models(), ring(5), {}, sampled=False)
     exact = design(_records(np.random.default_rng((seed, 0)), 0.0), ring(5), {})
-    mse, mae, late = (np.empty((RUNS, len(METHODS))) for _ in range(3))
+    mse, mae, late = (np.empty((runs, len(METHODS))) for _ in range(3))
     refused = 0
     shown: tuple[NDArray[np.float64], tuple[NDArray[np.float64], ...]] | None = None
-    for number in range(RUNS):
+    for number in range(runs):
         generator = np.random.default_rng((seed, 1, number))
         designs = _designs(generator, truth)
         while designs is None:
@@ -160,7 +160,7 @@ def plot(result: DduioResult, out_dir: Path) -> list[Path]:
         axes.set(title=METHODS[column], xlabel="t [s]", ylabel="|x - xhat|")
     axes.legend(fontsize="small")
     paths = [out_dir / name for name in ("dduio_states.png", "dduio_errors.png", "dduio_comparison.png")]
-    states.savefig(paths[0], dpi=120)
+    states.savefig(paths[0], dpi=100)
     errors.savefig(paths[1], dpi=120)
     _plot_comparison(result).savefig(paths[2], dpi=120)
     return paths

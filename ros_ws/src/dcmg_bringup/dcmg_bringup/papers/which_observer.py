@@ -30,13 +30,13 @@ if TYPE_CHECKING:
 
 SAMPLES = 60
 NOISE = 1e-3  # on every output sent, units of y
-SETTLE, QUIET, ATTACKED = 120, 500, 80  # steps: first errors gone, calibration, under attack
+SETTLE, QUIET, ATTACKED = 120, 300, 80  # steps: first errors gone, calibration, under attack
 MARGIN = 1.2  # threshold over the largest attack-free value
 FLOOR = 1e-9  # a blind residual is rounding, which an attack may well move
 RUNS = 30
 SEEN_IN = 0.9  # an attack counts as seen when this share of the runs sees it
 ATTACKS = {"V + 0.1": (0.1, 0.0, 0.0), "I_t + 0.5": (0.0, 0.5, 0.0), "v + 0.01": (0.0, 0.0, 0.01)}
-TIMED_STEPS = 2000
+TIMED_STEPS = 1000
 
 
 class _Runs(Protocol):
