@@ -58,12 +58,14 @@ class Cell:
         consensus: Secondary control, or None when it is off: alpha stays 0.
         exogenous: Loads, noise and initial state.
         reference: V_ref [V].
+        hidden: Added to the output: 0.0 for a component that is sent, NaN for one that is not; None: all are sent.
     """
 
     plant: Plant
     consensus: Consensus | None
     exogenous: Exogenous
     reference: Component
+    hidden: Vector | None = None
 
     def init(self) -> UnitState:
         """Return the state at step 0, alpha = 0."""
@@ -74,9 +76,10 @@ class Cell:
         """Return what happens at step k."""
         signals = state.signals
         offset = state.step - signals.start
+        y = state.x if signals.noise is None else add(state.x, signals.noise[offset])
         return UnitOutput(
             x=state.x,
-            y=state.x if signals.noise is None else add(state.x, signals.noise[offset]),
+            y=y if self.hidden is None else add(y, self.hidden),
             load_current=signals.load[offset],
             reference=self.reference + state.alpha,
             alpha=state.alpha,

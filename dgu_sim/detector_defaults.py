@@ -5,7 +5,7 @@ from collections.abc import Mapping
 __all__ = ["DETECTORS", "attack_free_sec", "filled_in"]
 
 DETECTORS: Mapping[str, Mapping[str, object]] = {
-    "fixed": {"settle_sec": 0.5, "calibrate_sec": 2.0, "margin": 5.0, "floor": [1e-6, 1e-6, 1e-6]},
+    "fixed": {"settle_sec": 0.5, "calibrate_sec": 2.0, "margin": 5.0, "floor": 1e-6},
     "noise_bound": {"settle_sec": 0.5, "floor": 1e-9},
     "chi_squared": {"settle_sec": 0.5, "calibrate_sec": 2.0, "rate": 1e-4, "floor": 1e-9},
     "cusum": {

@@ -20,7 +20,7 @@ class ExperimentData:
 
     Attributes:
         u: Known inputs, shape (T, 0): a DGU has none (T: B = 0).
-        y: Outputs, shape (T, 3): V [V], I_t [A], v [V s] (C = I).
+        y: Outputs, shape (T, 3): V [V], I_t [A], v [V s] (C = I); NaN where a component is not sent.
         x: States, shape (T, 3), same units.
         sampling_period_sec: T_s.
     """
@@ -126,9 +126,8 @@ def _observed(scenario: Scenario, dgu: int, number: int, states: FloatArray) -> 
         x = x + history.noise_std * generator.standard_normal(x.shape)
     if history.precision is Precision.FLOAT32:
         x = x.astype(np.float32).astype(np.float64)
-    return ExperimentData(
-        u=np.empty((history.samples, 0)), y=x.copy(), x=x, sampling_period_sec=scenario.sampling_period_sec
-    )
+    y = np.where(scenario.dgu(dgu).sent, x, np.nan)
+    return ExperimentData(u=np.empty((history.samples, 0)), y=y, x=x, sampling_period_sec=scenario.sampling_period_sec)
 
 
 def _source(scenario: Scenario, dgu: int, stream: Stream) -> RandomSource:

@@ -8,6 +8,7 @@ from pydantic import (
     Field,
     SerializerFunctionWrapHandler,
     ValidationError,
+    field_validator,
     model_serializer,
     model_validator,
 )
@@ -55,6 +56,14 @@ InitialState = Annotated[Literal["equilibrium"] | Vector3, BeforeValidator(_stat
 Pair = Annotated[tuple[int, int], BeforeValidator(_pair)]
 
 
+class OutputComponent(StrEnum):
+    """Components of a DGU's measured output, in the order of the output vector."""
+
+    V = "V"
+    I_T = "I_t"
+    INTEGRATOR = "v"
+
+
 class DguSettings(Frozen):
     """One distributed generation unit."""
 
@@ -75,6 +84,24 @@ class DguSettings(Frozen):
     initial_spread: Spread3 = Field(
         default=(0.0, 0.0, 0.0), description="Half-widths of a uniform random spread added to initial_state."
     )
+
+    output: tuple[OutputComponent, ...] = Field(
+        default=tuple(OutputComponent),
+        min_length=1,
+        description="Components of the output that neighbours are sent.",
+    )
+
+    @field_validator("output")
+    @classmethod
+    def _each_once(cls, output: tuple[OutputComponent, ...]) -> tuple[OutputComponent, ...]:
+        if len(set(output)) != len(output):
+            raise finding((), [one.value for one in output], "expected each component at most once")
+        return output
+
+    @property
+    def sent(self) -> tuple[bool, ...]:
+        """Whether V, I_t and v are sent."""
+        return tuple(component in self.output for component in OutputComponent)
 
     @model_validator(mode="after")
     def _gain_condition(self) -> Self:

@@ -1,5 +1,6 @@
 """One DGU as a node runs it: plant, secondary control, loads and noise in Python floats."""
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -69,6 +70,7 @@ def unit_of(scenario: Scenario, dgu: int) -> Unit:
             consensus=consensus_of(grid, rated, step_gain, dgu) if scenario.secondary.enabled else None,
             exogenous=_exogenous(scenario, dgu, (scenario.seed,))[0],
             reference=settings.reference_v,
+            hidden=tuple(0.0 if sent else math.nan for sent in settings.sent) if _hides(scenario) else None,
         ),
     )
 
@@ -78,6 +80,7 @@ def cell_of_all(scenario: Scenario, seeds: Sequence[int]) -> Cell:
     grid = scenario.grid
     rated = [one.rated_current_a for one in scenario.dgus]
     step_gain = scenario.sampling_period_sec * scenario.secondary.gain
+    masks = [[0.0 if sent else math.nan for sent in one.sent] for one in scenario.dgus]
     return Cell(
         plant=plant_of_all(grid, scenario.coupling, scenario.sampling_period_sec),
         consensus=consensus_of_all(grid, rated, step_gain) if scenario.secondary.enabled else None,
@@ -85,6 +88,7 @@ def cell_of_all(scenario: Scenario, seeds: Sequence[int]) -> Cell:
             members=tuple(zip(*(_exogenous(scenario, dgu, seeds) for dgu in grid.dgus), strict=True))
         ),
         reference=stack([one.reference_v for one in scenario.dgus]),
+        hidden=tuple(stack(column) for column in zip(*masks, strict=True)) if _hides(scenario) else None,
     )
 
 
@@ -102,6 +106,11 @@ def equilibrium(scenario: Scenario, dgu: int) -> tuple[float, float, float]:
         for other, conductance in scenario.grid.conductances(dgu).items():
             I_t += conductance * (V - scenario.dgu(other).reference_v)
     return V, I_t, -((p.k1 - 1.0) * V + (p.k2 - p.R_t) * I_t) / p.k3
+
+
+def _hides(scenario: Scenario) -> bool:
+    """Whether any DGU of the scenario keeps a component of its output to itself."""
+    return not all(all(one.sent) for one in scenario.dgus)
 
 
 def _exogenous(scenario: Scenario, dgu: int, seeds: Sequence[int]) -> tuple[DguExogenous, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -92,6 +92,25 @@ class History:
     def states(self) -> int:
         """Number n of states."""
         return int(self.experiments[0].x.shape[1])
+
+
+def sent_outputs(history: History) -> tuple[History, tuple[int, ...]]:
+    """Leave out the outputs that are never sent: the columns of y that hold nothing but NaN.
+
+    Returns:
+        The history of the outputs that are sent, and their positions in the received vector.
+
+    Raises:
+        HistoryError: no output is sent.
+    """
+    never = np.all([np.isnan(experiment.y).all(axis=0) for experiment in history.experiments], axis=0)
+    channels = tuple(int(column) for column in np.flatnonzero(~never))
+    if not channels:
+        raise HistoryError("every output in the history is NaN, expected at least one that is sent")
+    if not never.any():
+        return history, channels
+    kept = (replace(experiment, y=experiment.y[:, channels]) for experiment in history.experiments)
+    return History(tuple(kept), history.sampling_period_sec), channels
 
 
 def single(u: ArrayLike, y: ArrayLike, x: ArrayLike, sampling_period_sec: float) -> History:

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from math import nan
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from monitor.detectors.protocol import Phase
+from monitor.detectors.protocol import Phase, matched
 from monitor.errors import MonitorError
 from monitor.linear import anywhere, everywhere, is_finite, is_missing, select
 
@@ -72,13 +72,14 @@ class LinkMonitor:
     blind: bool = False
 
     def __post_init__(self) -> None:
-        """Raise MonitorError when the observer needs what a link does not carry."""
+        """Fit the detector to the observer; raise MonitorError when the observer needs what a link does not carry."""
         if self.observer is None:
             return
         if self.observer.inputs:
             raise MonitorError(f"the observer needs {self.observer.inputs} known inputs, a link carries none")
         if self.channels is not None and len(self.channels) != self.observer.outputs:
             raise MonitorError(f"{len(self.channels)} channels for an observer of {self.observer.outputs} outputs")
+        object.__setattr__(self, "detector", matched(self.detector, self.observer))
 
     def init(self) -> MonitorState:
         """State before the first sample."""

@@ -54,11 +54,19 @@ class Design:
         kind: name of the design method.
         observer: the running observer, None when refused.
         certificate: what the data showed and what the residual can and cannot see.
+        channels: positions in the received vector of the outputs that the observer was designed on.
     """
 
     kind: str
     observer: Observer | None
     certificate: Certificate
+    channels: tuple[int, ...] | None = None
+
+    @property
+    def blind(self) -> bool:
+        """Whether the observer's residual shows nothing."""
+        report = self.certificate.residual
+        return report is not None and report.blind
 
     @property
     def accepted(self) -> bool:

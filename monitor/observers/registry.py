@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from monitor.errors import MonitorError
+from monitor.history import sent_outputs
 from monitor.observers import full_order, reduced_order
 
 if TYPE_CHECKING:
@@ -22,9 +24,12 @@ KINDS: dict[str, Callable[[History, Mapping[str, object]], Design]] = {
 def design(kind: str, history: History, options: Mapping[str, object]) -> Design:
     """Design an observer of this kind from a history; a refusal is a value.
 
+    An output whose column in the history is all NaN is one that is not sent.
+
     Raises:
         MonitorError: unknown kind or option.
     """
     if kind not in KINDS:
         raise MonitorError(f"observer kind is {kind!r}, expected one of {', '.join(sorted(KINDS))}")
-    return KINDS[kind](history, options)
+    sent, channels = sent_outputs(history)
+    return replace(KINDS[kind](sent, options), channels=channels)

@@ -87,7 +87,7 @@ def test_overrides_replace_add_and_index(shipped: Callable[..., Scenario]) -> No
 def test_detector_defaults_are_filled_in(shipped: Callable[..., Scenario]) -> None:
     """What a scenario leaves out of the fixed detector's options stands in the resolved one."""
     options = shipped("gallo_six_dgu", "monitor.detector.options={margin: 4}").monitor.detector.options
-    assert options == {"settle_sec": 0.5, "calibrate_sec": 2.0, "margin": 4, "floor": [1e-6, 1e-6, 1e-6]}
+    assert options == {"settle_sec": 0.5, "calibrate_sec": 2.0, "margin": 4, "floor": 1e-6}
     assert shipped("gallo_six_dgu").monitor.detector.calibrated_sec == 2.5
 
 

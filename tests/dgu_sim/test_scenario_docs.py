@@ -85,8 +85,7 @@ def test_every_option_of_a_detector_stands_there(page: str, kind: str) -> None:
         assert rows.pop(option) == (f"`{default}`" if isinstance(default, str) else f"`{shown}`"), option
     assert rows == dict.fromkeys(options, "required")
     filled_detector, own = (detectors.build(kind, one, 0.01) for one in (filled, options))
-    if kind not in {"fixed", "n_of_m"}:  # those of a scenario name one floor for each output
-        assert filled_detector == own
+    assert filled_detector == own
 
 
 def test_inner_options_are_filled_in_and_counted() -> None:

@@ -12,7 +12,8 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # our matrices are small; a 
 import typer
 
 from bags.errors import BagError
-from dcmg_bringup import attack_commands, bag_commands, jobs, paper_commands
+from dcmg_bringup import attack_commands, bag_commands, import_commands, jobs, paper_commands
+from dcmg_bringup.design_command import design
 from dcmg_bringup.errors import BringupError
 from dcmg_nodes.errors import NodeError
 from dcmg_nodes.options import PacingMode
@@ -37,6 +38,8 @@ Start here: `dcmg scenarios`, then `dcmg run gallo_six_dgu`.""",
 app.add_typer(attack_commands.app, name="attack")
 app.add_typer(paper_commands.app, name="paper")
 app.add_typer(bag_commands.app, name="bag")
+app.add_typer(import_commands.app, name="import")
+app.command("design")(design)
 
 Scenario = Annotated[str, typer.Argument(help="name of a shipped scenario (see `dcmg scenarios`) or path of a file")]
 Out = Annotated[

@@ -52,6 +52,27 @@ EXPERIMENTS = {
         title="Turan & Ferrari-Trecate 2021, Figure 3: residuals under an attack from step 50 on",
         picture="turan_2021_fig3.png",
     ),
+    "ruio-example": PaperExperiment(
+        module="ruio_example", title="Data-driven reduced-order UIO: the four-state example, and one that is refused"
+    ),
+    "dduio": PaperExperiment(
+        module="dduio", title="Distributed data-driven UIO: five observers of two masses, three designs compared"
+    ),
+    "dduio-grid": PaperExperiment(
+        module="dduio_grid", title="Distributed data-driven UIO on the microgrid, in sampled time"
+    ),
+    "uie": PaperExperiment(
+        module="uie", title="Data-driven input reconstruction from outputs: op-UIE and cl-UIE", seed=353
+    ),
+    "uie-co2": PaperExperiment(
+        module="uie_co2", title="Occupancy from CO2, on a SYNTHETIC building: cl-UIE against two regressions"
+    ),
+    "delayed": PaperExperiment(
+        module="delayed", title="Chakrabarty et al. 2017: delayed UIO with guaranteed performance on a DGU"
+    ),
+    "which-observer": PaperExperiment(
+        module="which_observer", title="Which observer when: what each sees how fast, and what a step costs"
+    ),
 }
 
 

@@ -78,9 +78,9 @@ class MonitorNode:
             reason = f"link {codec.source}-{codec.monitor} is not monitored: {design.verdict}"
             self.ports.log.warning(reason)
         detector = detectors.build(*self._config.detector, self._config.sampling_period_sec)
-        report = design.certificate.residual
-        blind = report is not None and report.blind
-        self._monitors[slot] = LinkMonitor(observer=design.observer, detector=detector, blind=blind)
+        self._monitors[slot] = LinkMonitor(
+            observer=design.observer, detector=detector, channels=design.channels, blind=design.blind
+        )
         self._states[slot] = self._monitors[slot].init()
         record = design_record(design, codec.source, codec.monitor)
         self.ports.publish(codec.topic.name, codec.encode(record))
