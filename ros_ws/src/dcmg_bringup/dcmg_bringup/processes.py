@@ -7,6 +7,7 @@ fork, because its libraries start threads.
 
 from __future__ import annotations
 
+import gc
 import importlib
 import multiprocessing
 import os
@@ -76,6 +77,7 @@ class ProcessGroup:
             raise RuntimeError("node processes must be started before rclpy is imported")
         for module in _PRELOADED:
             importlib.import_module(module)
+        gc.freeze()  # what is there now stays: collecting it again and again would cost, and unshare its memory
         log_dir.mkdir(parents=True, exist_ok=True)
         self._log_dir = log_dir
         context = multiprocessing.get_context("fork")

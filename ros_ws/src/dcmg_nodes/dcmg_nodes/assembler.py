@@ -60,6 +60,7 @@ class Assembler:
         self._arrived: dict[int, int] = {}
         self.counts: dict[str, int] = {topic.name: 0 for topic in topics.all}
         self.complete = 0
+        self._wanted = self._expected(0)
 
     def push(self, topic: Topic, data: bytes) -> list[Arrival]:
         """Take one message; return those of every step that is complete now."""
@@ -78,7 +79,9 @@ class Assembler:
             if self._diagnostics is None or topic.name != self._diagnostics.topic.name:
                 return []
         self._arrived[step] = self._arrived.get(step, 0) + 1
-        return self._take_complete() if step == self.complete else []
+        if step != self.complete or self._arrived[step] < self._wanted:
+            return []
+        return self._take_complete()
 
     def overdue(self) -> Topic | None:
         """Return the first topic, in the order of data flow, whose message of the incomplete step is missing."""
@@ -95,10 +98,11 @@ class Assembler:
 
     def _take_complete(self) -> list[Arrival]:
         taken: list[Arrival] = []
-        while self._arrived.get(self.complete, 0) == self._expected(self.complete):
+        while self._arrived.get(self.complete, 0) == self._wanted:
             taken.extend(self._take_latched())
             taken.extend(self._take_step(self.complete))
             self.complete += 1
+            self._wanted = self._expected(self.complete)
         return taken
 
     def _take_step(self, step: int) -> list[Arrival]:

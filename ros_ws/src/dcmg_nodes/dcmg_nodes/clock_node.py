@@ -16,7 +16,7 @@ from dcmg_nodes.wiring import PACING, PROGRESS, READY, Wiring
 if TYPE_CHECKING:
     from dcmg_nodes.host import Host
 
-WINDOW = 64  # steps in flight between the clock and the recorder; far below the queue depth of a topic
+WINDOW = 16  # steps in flight between the clock and the recorder; far below the queue depth of a topic
 _REPORT_SEC = 0.5
 
 

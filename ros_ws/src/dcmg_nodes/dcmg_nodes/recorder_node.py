@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from dcmg_nodes.host import Host
     from dcmg_nodes.wiring import Wiring
 
-CREDIT_EVERY = 16  # steps between two credits; must stay well below the clock's window
+CREDIT_EVERY = 4  # steps between two credits; must stay well below the clock's window
 _WATCH_SEC = 0.25
 _FLUSH_SEC = 0.5  # what a crash of this process may cost
 _LINGER_SEC = 1.0
