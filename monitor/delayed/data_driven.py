@@ -1,4 +1,4 @@
-"""The delayed observer from history alone (ours: C knows the matrices; the derivation is in docs/observers_issue6.md).
+"""The delayed observer from history alone (ours: C knows the matrices; the derivation is in docs/which_observer.md).
 
 Conditions: y = C x in the history; [X_p; U_p; 1] of full row rank; the number m_d of unknown inputs is decided. Then
 Theta, Gamma and Phi of the representative model give the gains, and C's bound holds for the unknown input measured in
