@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bags.ahead import ahead
 from bags.convert import design_record, history_of
 from bags.histories import histories_of_run
 from bags.monitors import MonitorArrays, alarm_changes, design_monitors
@@ -25,6 +26,7 @@ from monitor.observers import Design
 
 # few hundred steps a chunk: nobody waits for them to reach the disk, and larger chunks cost less
 _CHUNK_BYTES = 1024 * 1024
+_BLOCK_STEPS = 500
 
 
 def simulate_to_bag(scenario: Scenario, path: Path, progress: Callable[[int], None] | None = None) -> Path:
@@ -51,7 +53,7 @@ def simulate_to_bag(scenario: Scenario, path: Path, progress: Callable[[int], No
         attach_origin(writer, scenario)
         _write_latched(writer, topics, records, monitors.designs)
         layout = writer.format_of(topics.per_step)
-        for block in simulate(scenario):
+        for block in ahead(lambda: simulate(scenario, block_steps=_BLOCK_STEPS)):
             states, outputs = monitors.run(states, block.received[:, 0], block.delivered[:, 0])
             rows = layout.block(block.first_step, len(block.x), topics.sampling_period_ns)
             fill_rows(rows, topics, block, outputs)
