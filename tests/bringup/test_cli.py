@@ -172,3 +172,38 @@ def test_shipped_name_and_path_are_the_same(tmp_path: Path) -> None:
     copy = tmp_path / "copy.yaml"
     copy.write_text(load_scenario(scenario_path("gallo_six_dgu")).to_yaml())
     assert load_scenario(scenario_path(str(copy))) == load_scenario(scenario_path("gallo_six_dgu"))
+
+
+def test_design_prints_a_certificate_and_refuses_with_exit_code_1(dcmg: Dcmg, tmp_path: Path) -> None:
+    """An exact history gives an accepted certificate; a noisy one of unknown rank is refused, in words."""
+    assert dcmg("experiment", "gallo_six_dgu", "--dgu", "1", "--out", tmp_path / "exact")[0] == 0
+    code, out, _ = dcmg("design", tmp_path / "exact/history", "--dgu", "1", "--json")
+    certificate = json.loads(out)
+    assert (code, certificate["accepted"], certificate["residual"]["blind"]) == (0, True, False)
+    noisy = ("--set", "history.noise_std=0.001")
+    assert dcmg("experiment", "gallo_six_dgu", "--dgu", "1", *noisy, "--out", tmp_path / "noisy")[0] == 0
+    code, out, _ = dcmg("design", tmp_path / "noisy/history", "--dgu", "1")
+    assert code == 1
+    assert "refused" in out
+    code, out, _ = dcmg("design", tmp_path / "noisy/history", "--dgu", "1", "--option", "unknown_inputs=2", "--json")
+    assert (code, json.loads(out)["residual"]["blind"]) == (0, False)
+
+
+def test_design_explains_a_wrong_option(dcmg: Dcmg, tmp_path: Path) -> None:
+    """An option that is not NAME=VALUE, or that no design has, ends in one line."""
+    assert dcmg("experiment", "gallo_six_dgu", "--dgu", "1", "--out", tmp_path / "h")[0] == 0
+    for option in ("nonsense", "colour=red"):
+        code, _, err = dcmg("design", tmp_path / "h/history", "--option", option)
+        assert code == 2
+        assert len(err.strip().splitlines()) == 1
+
+
+def test_bag_check_finds_a_fresh_bag_clean(dcmg: Dcmg, tmp_path: Path) -> None:
+    """What `dcmg simulate` writes is intact; with a byte changed it is not."""
+    assert dcmg("simulate", "gallo_six_dgu", "--duration", "6", "--no-plots", "--json", "--out", tmp_path / "s")[0] == 0
+    assert dcmg("bag", "check", tmp_path / "s/bag")[0] == 0
+    (file,) = (tmp_path / "s/bag").glob("*.mcap")
+    data = bytearray(file.read_bytes())
+    data[len(data) // 2] ^= 1
+    file.write_bytes(data)
+    assert dcmg("bag", "check", tmp_path / "s/bag")[0] != 0
