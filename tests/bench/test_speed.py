@@ -54,6 +54,7 @@ def test_lockstep_run(tmp_path: Path, shape: str, duration_sec: int, wanted: flo
 SIMULATE = """
 import sys, time
 from pathlib import Path
+from bags.offline import simulate_to_bag
 from dcmg_bringup.shipped import scenario_path
 from dgu_sim.scenario import load_scenario
 
