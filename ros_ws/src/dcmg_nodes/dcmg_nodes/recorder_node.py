@@ -56,8 +56,10 @@ class RecorderNode:
 
     def close(self) -> None:
         """Write what is held of incomplete steps and close the bag."""
-        self._write(self._assembler.drain())
-        self._writer.close()
+        try:
+            self._write(self._assembler.drain())
+        finally:  # a full disk must not leave the bag open
+            self._writer.close()
 
     def _receive(self, topic: Topic, data: bytes) -> None:
         arrivals = self._assembler.push(topic, data)
