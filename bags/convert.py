@@ -26,6 +26,8 @@ def history_records(dgu: int, experiments: Sequence[ExperimentData]) -> list[His
             u=experiment.u,
             y=experiment.y,
             x=experiment.x,
+            d=experiment.d,
+            w=experiment.w,
         )
         for number, experiment in enumerate(experiments)
     ]
@@ -38,7 +40,9 @@ def history_of(records: Sequence[HistoryRecord]) -> History:
         monitor.errors.HistoryError: they do not belong together.
     """
     ordered = sorted(records, key=lambda record: record.experiment)
-    experiments = (Experiment(record.u, record.y, record.x, record.sampling_period_sec) for record in ordered)
+    experiments = (
+        Experiment(record.u, record.y, record.x, record.sampling_period_sec, record.d, record.w) for record in ordered
+    )
     return History(tuple(experiments), ordered[0].sampling_period_sec if ordered else math.nan)
 
 

@@ -137,9 +137,13 @@ class HistoryCodec:
             inputs=record.u.shape[1],
             outputs=record.y.shape[1],
             states=record.x.shape[1],
+            applied=record.d.shape[1],
+            own=record.w.shape[1],
             u=np.ascontiguousarray(record.u, dtype=np.float64).ravel(),
             y=np.ascontiguousarray(record.y, dtype=np.float64).ravel(),
             x=np.ascontiguousarray(record.x, dtype=np.float64).ravel(),
+            d=np.ascontiguousarray(record.d, dtype=np.float64).ravel(),
+            w=np.ascontiguousarray(record.w, dtype=np.float64).ravel(),
         )
 
     def decode(self, data: bytes) -> HistoryRecord:
@@ -205,7 +209,7 @@ class DesignCodec:
 _ACTIONS = {Action.START: 1, Action.STOP: 2}
 # RTPS pads a payload to whole words on its way between processes: padded from the start it is the same everywhere
 _RTPS_ALIGNMENT = 4
-_HISTORY_COLUMNS = {"u": "inputs", "y": "outputs", "x": "states"}
+_HISTORY_COLUMNS = {"u": "inputs", "y": "outputs", "x": "states", "d": "applied", "w": "own"}
 # the constants of Residual.msg
 _PHASES = ("refused", "settling", "calibrating", "armed")
 _ARMED = 3

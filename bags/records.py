@@ -55,6 +55,9 @@ class HistoryRecord:
         u: Known inputs, shape (T, m), SI units.
         y: Outputs, shape (T, p) [V, A, V s].
         x: States, shape (T, n) [V, A, V s].
+        d: Inputs applied that are unknown online, shape (T, 2) or (T, 0): I_net + I_L [A], V_ref + alpha [V].
+        w: What only the DGU itself measures, shape (T, 1 + neighbours) or (T, 0): I_L [A], then the bus voltages of its
+            neighbours, ascending [V].
     """
 
     dgu: int
@@ -64,6 +67,8 @@ class HistoryRecord:
     u: NDArray[np.float64]
     y: NDArray[np.float64]
     x: NDArray[np.float64]
+    d: NDArray[np.float64]
+    w: NDArray[np.float64]
 
 
 @final

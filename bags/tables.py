@@ -105,6 +105,7 @@ def read_history_table(file: Path, dgu: int, mapping: TableMapping) -> TableRepo
     kept = [part for part in parts if len(part) > 1]
     arrays = {name: _matrix(table, columns, rows) for name, columns in (("u", mapping.u), ("y", mapping.y))}
     arrays["x"] = _matrix(table, mapping.x or mapping.y, rows)
+    arrays["d"] = arrays["w"] = np.empty((rows, 0))
     records = tuple(
         HistoryRecord(
             dgu=dgu,

@@ -1,8 +1,10 @@
 """The offline experiment: what a monitor learns a DGU from (T, section V)."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dgu_sim.linear import FloatArray, Vector
 from dgu_sim.plant import Coupling, Plant, physical_of, plant_of
@@ -22,12 +24,18 @@ class ExperimentData:
         u: Known inputs, shape (T, 0): a DGU has none (T: B = 0).
         y: Outputs, shape (T, 3): V [V], I_t [A], v [V s] (C = I); NaN where a component is not sent.
         x: States, shape (T, 3), same units.
+        d: Inputs that are unknown online, shape (T, 2): I_net + I_L [A] with I_net = -sum_j V_j / R_ij of the lines
+            (0 without lines), and V_ref + alpha [V].
+        w: What only the DGU itself measures, shape (T, 1 + neighbours): I_L [A], and the neighbours' bus voltages [V],
+            ascending; no neighbours without lines.
         sampling_period_sec: T_s.
     """
 
     u: FloatArray
     y: FloatArray
     x: FloatArray
+    d: FloatArray
+    w: FloatArray
     sampling_period_sec: float
 
 
@@ -56,8 +64,25 @@ def run_experiments(scenario: Scenario, dgu: int) -> tuple[ExperimentData, ...]:
     )
 
 
-def _own(scenario: Scenario, dgu: int, number: int) -> FloatArray:
-    """Return the states, shape (T, 3), of the DGU with its own lines; the others are unknown input."""
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Trajectory:
+    """What happened in one experiment, free of noise.
+
+    Attributes:
+        x: States, shape (T, 3).
+        load: I_L, shape (T,) [A].
+        reference: V_ref, shape (T,) [V].
+        voltages: Bus voltages of the neighbours, ascending, shape (T, neighbours) [V].
+    """
+
+    x: FloatArray
+    load: FloatArray
+    reference: FloatArray
+    voltages: FloatArray
+
+
+def _own(scenario: Scenario, dgu: int, number: int) -> _Trajectory:
+    """Run the DGU with its own lines; the others are unknown input."""
     coupling = Coupling.ISOLATED if scenario.coupling is Coupling.ISOLATED else Coupling.HELD
     plant = plant_of(scenario.grid, coupling, scenario.sampling_period_sec, dgu)
     others = physical_of(scenario.grid, coupling, dgu)
@@ -76,11 +101,16 @@ def _own(scenario: Scenario, dgu: int, number: int) -> FloatArray:
         ]
         x = plant.step(x, load[k], reference[k], physical)
         rows.append(x)
-    return np.array(rows)
+    return _Trajectory(
+        x=np.array(rows),
+        load=np.array(load),
+        reference=np.array(reference),
+        voltages=_columns([voltages[other] for other in others], len(rows)),
+    )
 
 
-def _joint(scenario: Scenario, dgu: int, number: int) -> FloatArray:
-    """Return the states, shape (T, 3), of the DGU in the jointly integrated grid, everyone excited."""
+def _joint(scenario: Scenario, dgu: int, number: int) -> _Trajectory:
+    """Run the DGU in the jointly integrated grid, everyone excited."""
     members = scenario.grid.component(dgu)
     plants: dict[int, Plant] = {
         one: plant_of(scenario.grid, Coupling.JOINT, scenario.sampling_period_sec, one) for one in members
@@ -88,7 +118,7 @@ def _joint(scenario: Scenario, dgu: int, number: int) -> FloatArray:
     generator = _source(scenario, dgu, Stream.HISTORY).generator(number)
     states = {one: _initial(scenario, generator) for one in members}
     inputs = {one: _inputs(scenario, one, generator) for one in members}
-    rows = [states[dgu]]
+    rows = [states]
     for k in range(scenario.history.samples - 1):
         felt = {
             one: Physical(x=states[one], load_current=inputs[one][0][k], reference=inputs[one][1][k]) for one in members
@@ -99,8 +129,20 @@ def _joint(scenario: Scenario, dgu: int, number: int) -> FloatArray:
             )
             for one in members
         }
-        rows.append(states[dgu])
-    return np.array(rows)
+        rows.append(states)
+    load, reference = inputs[dgu]
+    return _Trajectory(
+        x=np.array([row[dgu] for row in rows]),
+        load=np.array(load),
+        reference=np.array(reference),
+        voltages=_columns(
+            [[float(row[other][0]) for row in rows] for other in scenario.grid.neighbours(dgu)], len(rows)
+        ),
+    )
+
+
+def _columns(signals: Sequence[ArrayLike], samples: int) -> FloatArray:
+    return np.array(signals, dtype=np.float64).reshape(len(signals), samples).T
 
 
 def _initial(scenario: Scenario, generator: np.random.Generator) -> Vector:
@@ -117,17 +159,26 @@ def _inputs(scenario: Scenario, dgu: int, generator: np.random.Generator) -> tup
     return [float(value) for value in load], [float(value) for value in reference]
 
 
-def _observed(scenario: Scenario, dgu: int, number: int, states: FloatArray) -> ExperimentData:
-    """Return the record of a trajectory: with noise, rounded, and y = x because C = I."""
+def _observed(scenario: Scenario, dgu: int, number: int, run: _Trajectory) -> ExperimentData:
+    """Return the record of an experiment: with noise, rounded, and y = x because C = I."""
     history = scenario.history
-    x = states
-    if history.noise_std > 0.0:
-        generator = _source(scenario, dgu, Stream.HISTORY_NOISE).generator(number)
-        x = x + history.noise_std * generator.standard_normal(x.shape)
-    if history.precision is Precision.FLOAT32:
-        x = x.astype(np.float32).astype(np.float64)
-    y = np.where(scenario.dgu(dgu).sent, x, np.nan)
-    return ExperimentData(u=np.empty((history.samples, 0)), y=y, x=x, sampling_period_sec=scenario.sampling_period_sec)
+    generator = _source(scenario, dgu, Stream.HISTORY_NOISE).generator(number)
+
+    def recorded(signals: FloatArray) -> FloatArray:
+        if history.noise_std > 0.0:
+            signals = signals + history.noise_std * generator.standard_normal(signals.shape)
+        return signals.astype(np.float32).astype(np.float64) if history.precision is Precision.FLOAT32 else signals
+
+    conductances = np.array(list(scenario.grid.conductances(dgu).values()))[: run.voltages.shape[1]]
+    x = recorded(run.x)
+    return ExperimentData(
+        u=np.empty((history.samples, 0)),
+        y=np.where(scenario.dgu(dgu).sent, x, np.nan),
+        x=x,
+        d=recorded(np.column_stack([run.load - (run.voltages * conductances).sum(axis=1), run.reference])),
+        w=recorded(np.column_stack([run.load, run.voltages])),
+        sampling_period_sec=scenario.sampling_period_sec,
+    )
 
 
 def _source(scenario: Scenario, dgu: int, stream: Stream) -> RandomSource:

@@ -12,6 +12,8 @@ from monitor.errors import HistoryError
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
+_TABLES = ("u", "y", "x", "d", "w")
+_NOT_RECORDED = np.empty((0, 0))
 _PERIOD_TOLERANCE = 1e-9  # relative: sampling periods that differ by rounding only are the same
 
 
@@ -24,23 +26,35 @@ class Experiment:
         y: outputs as they are sent over the network, (T, p).
         x: states, (T, n).
         sampling_period_sec: T_s [s] of this experiment, if it is recorded with it.
+        d: inputs applied in the experiment that are unknown online, (T, m_d): for a DGU [I_net + I_L, V_ref + alpha]
+            [A, V]; (T, 0) unless recorded.
+        w: what only the DGU itself measures, (T, 1 + neighbours): its load current [A] and the bus voltages of its
+            neighbours, ascending [V]; (T, 0) unless recorded.
     """
 
     u: NDArray[np.float64]
     y: NDArray[np.float64]
     x: NDArray[np.float64]
     sampling_period_sec: float | None = None
+    d: NDArray[np.float64] = _NOT_RECORDED
+    w: NDArray[np.float64] = _NOT_RECORDED
 
     def __post_init__(self) -> None:
-        """Raise HistoryError unless u, y and x are tables with one row a sample."""
-        for name in ("u", "y", "x"):
+        """Raise HistoryError unless all tables have one row a sample."""
+        for name in _TABLES:
             table = np.asarray(getattr(self, name), dtype=np.float64)
+            if table is _NOT_RECORDED:
+                table = np.empty((len(self.y), 0))
             if table.ndim != 2:  # noqa: PLR2004 - rows and columns
                 raise HistoryError(f"{name} has shape {table.shape}, expected (samples, columns)")
             object.__setattr__(self, name, table)
         if not len(self.u) == len(self.y) == len(self.x):
             lengths = f"u, y, x have {len(self.u)}, {len(self.y)}, {len(self.x)} samples"
             raise HistoryError(f"{lengths}, expected the same number: record them at the same instants")
+        for name in ("d", "w"):
+            if len(getattr(self, name)) != len(self.y):
+                found = f"{name} has {len(getattr(self, name))} samples, y has {len(self.y)}"
+                raise HistoryError(f"{found}, expected the same number: record them at the same instants")
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,7 +78,7 @@ class History:
             raise HistoryError(f"the sampling period is {self.sampling_period_sec} s, expected a positive one")
         first = self.experiments[0]
         for number, experiment in enumerate(self.experiments):
-            for name in ("u", "y", "x"):
+            for name in _TABLES:
                 found, expected = getattr(experiment, name).shape[1], getattr(first, name).shape[1]
                 if found != expected:
                     raise HistoryError(

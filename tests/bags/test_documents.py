@@ -42,10 +42,12 @@ def test_history_keeps_every_bit(topics: RunTopics) -> None:
         u=np.empty((20, 0)),
         y=rng.normal(size=(20, 3))[::-1],
         x=rng.normal(size=(3, 20)).T,
+        d=rng.normal(size=(20, 2)),
+        w=np.empty((20, 0)),
     )
     codec = topics.history(2)
     back = codec.decode(codec.encode(record))
-    for name in ("u", "y", "x"):
+    for name in ("u", "y", "x", "d", "w"):
         assert np.array_equal(getattr(back, name), getattr(record, name))
     assert astuple(back)[:4] == astuple(record)[:4]
 
@@ -61,6 +63,8 @@ def test_history_with_wrong_shape_is_refused(topics: RunTopics) -> None:
         u=np.ones((4, 1)),
         y=np.ones((4, 3)),
         x=np.ones((4, 3)),
+        d=np.empty((4, 0)),
+        w=np.ones((4, 2)),
     )
     message = store.deserialize_cdr(codec.encode(record), "dcmg_msgs/msg/History")
     message.samples = 5  # type: ignore[attr-defined]

@@ -50,6 +50,19 @@ def test_isolated_experiment_is_the_one_of_the_paper(shipped: Callable[..., Scen
         assert np.linalg.matrix_rank(_stacked(data.x), tol=1e-10) == 5
 
 
+@pytest.mark.parametrize("scenario_name", ["gallo_six_dgu", "isolated_dgu_1"])
+def test_recorded_inputs_explain_the_states(shipped: Callable[..., Scenario], scenario_name: str) -> None:
+    """x+ = A x + E d with the recorded d, and d follows from the load and the voltages that the DGU measures itself."""
+    scenario = shipped(scenario_name)
+    grid, held = scenario.grid, scenario_name == "gallo_six_dgu"
+    (data,) = run_experiments(scenario, 1)
+    conductances = list(grid.conductances(1).values()) if held else []
+    A, E = discretise(*continuous(grid.parameters[1], sum(conductances)), scenario.sampling_period_sec)
+    assert np.abs(data.x[1:] - data.x[:-1] @ A.T - data.d[:-1] @ E.T).max() < 1e-9  # against |x| up to 1e3
+    assert data.w.shape == (20, 1 + len(conductances))
+    assert np.abs(data.d[:, 0] - data.w @ [1.0, *(-one for one in conductances)]).max() < 1e-9
+
+
 def test_joint_experiment_breaks_the_rank(shipped: Callable[..., Scenario]) -> None:
     """On the jointly integrated grid d varies within a sample: [X_p; X_f] has full rank 6, the blind trap."""
     scenario = shipped("gallo_six_dgu_joint", "history.plant=joint", "history.samples=200")
