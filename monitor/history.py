@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,8 +13,11 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
 _TABLES = ("u", "y", "x", "d", "w")
-_NOT_RECORDED = np.empty((0, 0))
 _PERIOD_TOLERANCE = 1e-9  # relative: sampling periods that differ by rounding only are the same
+
+
+def _not_recorded() -> NDArray[np.float64]:
+    return np.empty((0, 0))
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,14 +39,14 @@ class Experiment:
     y: NDArray[np.float64]
     x: NDArray[np.float64]
     sampling_period_sec: float | None = None
-    d: NDArray[np.float64] = _NOT_RECORDED
-    w: NDArray[np.float64] = _NOT_RECORDED
+    d: NDArray[np.float64] = field(default_factory=_not_recorded)
+    w: NDArray[np.float64] = field(default_factory=_not_recorded)
 
     def __post_init__(self) -> None:
         """Raise HistoryError unless all tables have one row a sample."""
         for name in _TABLES:
             table = np.asarray(getattr(self, name), dtype=np.float64)
-            if table is _NOT_RECORDED:
+            if table.shape == (0, 0):
                 table = np.empty((len(self.y), 0))
             if table.ndim != 2:  # noqa: PLR2004 - rows and columns
                 raise HistoryError(f"{name} has shape {table.shape}, expected (samples, columns)")
