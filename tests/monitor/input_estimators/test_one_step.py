@@ -53,7 +53,7 @@ def test_a_missing_sample_makes_the_state_missing_and_a_new_start_works() -> Non
     estimator = input_estimators.design("one_step", _recorded(1)[0], {}).estimator
     assert estimator is not None
     state, _ = estimator.step(estimator.init((1.0, 2.0, 3.0)), (float("nan"),) * 3)
-    assert np.isnan(state).all()
+    assert np.isnan(np.asarray(state)).all()
     state, dhat = estimator.step(estimator.init((1.0, 2.0, 3.0)), (1.0, 2.0, 3.0))
     assert np.isfinite([*state, *dhat]).all()
 
