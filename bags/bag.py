@@ -148,9 +148,9 @@ class Bag:
         return self.topics[topic]
 
     def _chunks(self, topic: str) -> Iterator[tuple[int, ChunkView]]:
-        for channels, chunk in self._container.chunks():
+        for _, chunk in self._container.chunks({topic}):
             for channel_id, offsets in chunk.offsets.items():
-                if len(offsets) and channel_id in channels and channels[channel_id].topic == topic:
+                if len(offsets):
                     yield channel_id, chunk
 
 

@@ -11,9 +11,11 @@ from mcap.opcode import Opcode
 
 from bags.errors import BagError
 from bags.file_bytes import FileBytes
+from bags.frames import MAGIC, Frame, parse_definition
 from bags.mcap_file import OURS
 from bags.metadata import METADATA_FILE, ROOT_KEY, whole_document
-from bags.scan import MAGIC, Fault, Frame, Messages, SummarySection, parse_definition, summary_of, survey
+from bags.scan import Fault, Messages, survey
+from bags.summary_section import SummarySection, summary_of
 from bags.yaml_text import load
 
 _MOST_FAULTS = 20  # of one file: a report is for people
@@ -253,8 +255,8 @@ class _File:
             self._fault(chunk.start, "the chunk holds something besides records")
         if not found.indexed:
             self._fault(chunk.end, "the message index does not fit the chunk before it")
-        index = summary.chunks.get(chunk.start) if summary else None
-        if index is not None and (index.chunk_length, index.message_start_time, index.message_end_time) != (
+        index = summary.chunks.at(chunk.start) if summary else None
+        if index is not None and (index.length, index.start_ns, index.end_ns) != (
             chunk.end - chunk.start,
             start_ns,
             end_ns,

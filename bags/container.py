@@ -2,31 +2,33 @@
 
 import struct
 import zlib
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
-from io import BytesIO
 from pathlib import Path
 from typing import Any, final
 
 import numpy as np
 import yaml
-from mcap.data_stream import ReadDataStream
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
-from mcap.reader import make_reader
-from mcap.records import Channel, Chunk, ChunkIndex
-from mcap.summary import Summary
+from mcap.records import Channel
 from numpy.typing import NDArray
 
 from bags.chunk import MESSAGE_HEAD, MESSAGE_HEAD_LENGTH
+from bags.chunk_table import ChunkEntry
 from bags.errors import BagError
 from bags.expand import expand
+from bags.file_bytes import FileBytes
+from bags.frames import read_frame
+from bags.messages import walk
 from bags.metadata import METADATA_FILE, ROOT_KEY
+from bags.summary_section import SummarySection, summary_of
 from bags.yaml_text import load
 
-_RECORD_HEAD = struct.Struct("<BQ")
-_MESSAGE_INDEX_HEAD = struct.Struct("<HI")
+_CHUNK_HEAD = struct.Struct("<BQQQQII")  # opcode, length, times, size, check sum, letters of the compression
+_SIZE = struct.Struct("<Q")
+_INDEX_HEAD = struct.Struct("<BQHI")  # opcode, length, channel, bytes of the entries
 
 
 @final
@@ -77,7 +79,7 @@ class Container:
 
     path: Path
     information: Mapping[str, Any]
-    files: tuple[tuple[Path, Summary], ...]
+    files: tuple[tuple[Path, SummarySection], ...]
     attachments: Mapping[str, bytes]
 
     @property
@@ -86,7 +88,8 @@ class Container:
         found: dict[str, str] = {}
         for _, summary in self.files:
             for channel in summary.channels.values():
-                found[channel.topic] = summary.schemas[channel.schema_id].name if channel.schema_id else ""
+                schema = summary.schemas.get(channel.schema_id)
+                found[channel.topic] = schema.name if schema else ""
         return found
 
     @property
@@ -99,17 +102,25 @@ class Container:
                 found[channel.topic] += counts.get(channel.id, 0)
         return found
 
-    def chunks(self) -> Iterator[tuple[Mapping[int, Channel], ChunkView]]:
-        """Every chunk in the order of the files, with the channels of its file.
+    def chunks(
+        self, topics: Collection[str] | None = None, times_ns: tuple[int, int] | None = None
+    ) -> Iterator[tuple[Mapping[int, Channel], ChunkView]]:
+        """Chunks in the order of the files, with the channels of their file.
+
+        Args:
+            topics: Only chunks with messages on these topics, and of these only such messages; None: everything.
+            times_ns: Only chunks that reach into this range of log times, both ends included [ns]; None: all.
 
         Raises:
             BagError: A chunk is damaged.
         """
         for file, summary in self.files:
-            with readable(file), file.open("rb") as stream:
-                for index in sorted(summary.chunk_indexes, key=lambda one: one.chunk_start_offset):
-                    stream.seek(index.chunk_start_offset)
-                    yield summary.channels, _view(stream.read(index.chunk_length + index.message_index_length), index)
+            wanted = None
+            if topics is not None:
+                wanted = [one.id for one in summary.channels.values() if one.topic in topics]
+            with readable(file), FileBytes(file) as source:
+                for entry in summary.chunks.entries(wanted, times_ns):
+                    yield summary.channels, _view(source, entry, wanted)
 
 
 def open_container(path: Path) -> Container:
@@ -124,18 +135,35 @@ def open_container(path: Path) -> Container:
     names = information.get("relative_file_paths")
     if not isinstance(names, list) or not names:
         raise BagError(f"{path / METADATA_FILE}: relative_file_paths = {names!r}, expected a list of MCAP files")
-    files: list[tuple[Path, Summary]] = []
+    files: list[tuple[Path, SummarySection]] = []
     attachments: dict[str, bytes] = {}
     for name in names:
         file = path / str(name)
-        with readable(file), file.open("rb") as stream:
-            reader = make_reader(stream)
-            summary = reader.get_summary()
-            if summary is None or summary.statistics is None:
-                raise BagError(f"{file}: has no summary, expected an indexed MCAP file")
-            attachments |= {one.name: one.data for one in reader.iter_attachments()}
+        with readable(file), FileBytes(file) as source:
+            summary = _summary(file, source)
+            attachments |= dict(_attachment(source, start) for start in summary.attachments)
         files.append((file, summary))
     return Container(path=path, information=information, files=tuple(files), attachments=attachments)
+
+
+def _summary(file: Path, source: FileBytes) -> SummarySection:
+    summary = summary_of(source)
+    if isinstance(summary, str):
+        if "breaks off" in summary:
+            raise BagError(
+                f"{file}: {summary}; its complete chunks are intact: `dcmg bag repair {file.parent}` restores them"
+            )
+        raise BagError(f"{file}: damaged ({summary})")
+    if summary.statistics is None or summary.statistics.chunk_count != len(summary.chunks):
+        raise BagError(f"{file}: has no index of its chunks, expected an indexed MCAP file")
+    return summary
+
+
+def _attachment(source: FileBytes, start: int) -> tuple[str, bytes]:
+    frame = read_frame(source, start, source.size)
+    if frame is None or frame.opcode != Opcode.ATTACHMENT:
+        raise McapError(f"the attachment at byte {start} is not sound")
+    return frame.record.name, frame.record.data
 
 
 @contextmanager
@@ -152,20 +180,7 @@ def readable(file: Path) -> Iterator[None]:
     except FileNotFoundError:
         raise BagError(f"{file}: is missing, but {METADATA_FILE} names it") from None
     except Exception as error:  # mcap, zstandard and lz4 raise many kinds, among them plain RuntimeError
-        if isinstance(error, McapError) and not _ends_properly(file):
-            raise BagError(
-                f"{file}: the file breaks off without an MCAP footer, as when its recorder was killed; its complete "
-                f"chunks are intact: `dcmg bag repair {file.parent}` restores them"
-            ) from error
         raise BagError(f"{file}: damaged ({' '.join(str(error).split()) or type(error).__name__})") from error
-
-
-def _ends_properly(file: Path) -> bool:
-    magic = b"\x89MCAP0\r\n"
-    with file.open("rb") as stream:
-        size = stream.seek(0, 2)
-        stream.seek(max(size - len(magic), 0))
-        return stream.read() == magic
 
 
 def _information(path: Path) -> dict[str, Any]:
@@ -189,32 +204,48 @@ def _information(path: Path) -> dict[str, Any]:
     return information
 
 
-def _view(raw: bytes, index: ChunkIndex) -> ChunkView:
-    stream = ReadDataStream(BytesIO(raw[_RECORD_HEAD.size : index.chunk_length]))
-    chunk = Chunk.read(stream)
+def _view(source: FileBytes, entry: ChunkEntry, wanted: Collection[int] | None) -> ChunkView:
+    raw = source.read(entry.start, entry.length + entry.index_length)
+    opcode, length, _, _, _, crc, letters = _CHUNK_HEAD.unpack_from(raw)
+    at = _CHUNK_HEAD.size + letters + _SIZE.size
+    if opcode != Opcode.CHUNK or 9 + length != entry.length or len(raw) < entry.length or at > entry.length:
+        raise McapError(f"no chunk of {entry.length} bytes at byte {entry.start}")
     try:
-        content = expand(chunk.compression, chunk.data)
+        content = expand(raw[_CHUNK_HEAD.size : at - _SIZE.size].decode(), raw[at : entry.length])
     except BagError as error:
         raise McapError(str(error)) from error  # `readable` names the file
-    if chunk.uncompressed_crc and zlib.crc32(content) != chunk.uncompressed_crc:
+    if crc and zlib.crc32(content) != crc:
         raise McapError("a chunk's check sum does not fit its content")
     data = np.frombuffer(content, dtype=np.uint8)
-    return ChunkView(data=data, offsets=_offsets(memoryview(raw)[index.chunk_length :]))
+    if not entry.index_length:  # its writer left the index out
+        return ChunkView(data=data, offsets=_walked(content, wanted))
+    return ChunkView(data=data, offsets=_offsets(raw, entry, wanted))
 
 
-def _offsets(indexes: memoryview) -> dict[int, NDArray[np.int64]]:
+def _offsets(raw: bytes, entry: ChunkEntry, wanted: Collection[int] | None) -> dict[int, NDArray[np.int64]]:
     """Offsets by channel id out of the MessageIndex records that follow a chunk."""
     found: dict[int, NDArray[np.int64]] = {}
-    at = 0
-    while at < len(indexes):
-        opcode, length = _RECORD_HEAD.unpack_from(indexes, at)
-        at += _RECORD_HEAD.size
-        if opcode == Opcode.MESSAGE_INDEX:
-            channel_id, size = _MESSAGE_INDEX_HEAD.unpack_from(indexes, at)
-            start = at + _MESSAGE_INDEX_HEAD.size
-            found[channel_id] = np.frombuffer(indexes[start : start + size], dtype="<i8")[1::2]
-        at += length
+    for channel_id, place in entry.indexes.tolist():
+        if wanted is not None and channel_id not in wanted:
+            continue
+        at = place - entry.start
+        if not entry.length <= at <= len(raw) - _INDEX_HEAD.size:
+            raise McapError(f"no message index of channel {channel_id} at byte {place}")
+        opcode, length, claimed, size = _INDEX_HEAD.unpack_from(raw, at)
+        end = at + _INDEX_HEAD.size + size
+        if opcode != Opcode.MESSAGE_INDEX or claimed != channel_id or length != 6 + size or end > len(raw) or size % 16:
+            raise McapError(f"the message index at byte {place} is damaged")
+        found[channel_id] = np.frombuffer(raw, dtype="<i8", count=size // 8, offset=at + _INDEX_HEAD.size)[1::2]
     return found
+
+
+def _walked(content: bytes, wanted: Collection[int] | None) -> dict[int, NDArray[np.int64]]:
+    """The same, from record to record."""
+    table = walk(content)
+    if not table.whole:
+        raise McapError("a chunk holds something besides records")
+    ids = {int(one) for one in np.unique(table.channel_ids)}
+    return {one: table.starts[table.channel_ids == one] for one in ids if wanted is None or one in wanted}
 
 
 def record_dtype(message: np.dtype[np.void]) -> np.dtype[np.void]:

@@ -1,6 +1,7 @@
 """Decompressing chunks without trusting what they say about their size."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from io import BytesIO
 from typing import cast
@@ -53,6 +54,11 @@ def expand_prefix(compression: str, data: bytes, limit: int = MAX_CHUNK_BYTES) -
         parts, sound = _gather(feed, limit)
         return parts, sound and bool(decompressor.eof)
     if compression == "zstd":
+        known = _zstd_size(data)
+        if known is not None and known <= limit:  # at once: several times as fast as piece by piece
+            with suppress(zstandard.ZstdError):
+                content = zstandard.ZstdDecompressor(max_window_size=limit).decompress(data)
+                return content, len(content) == known
         stream = zstandard.ZstdDecompressor(max_window_size=limit).stream_reader(BytesIO(data))
         parts, sound = _gather(partial(stream.read, _PIECE), limit)
         # a stream that ends early looks like an end: only the frame's own size tells

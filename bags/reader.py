@@ -1,19 +1,18 @@
-"""A recorded run as arrays: the messages of fixed length are decoded a chunk at a time, not one by one."""
+"""A recorded run as arrays: the messages of fixed length are decoded a chunk at a time, not one by one.
+
+`open_run` reads nothing but the documents; `windows` goes through the steps with only some of them in memory;
+`read_run` holds them all.
+"""
 
 import re
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, TypeVar, final
+from typing import TypeVar, final
 
-import numpy as np
-from mcap.opcode import Opcode
-from numpy.typing import NDArray
-
-from bags.cdr import Layout
-from bags.chunk import MESSAGE_HEAD, MESSAGE_HEAD_LENGTH
 from bags.codecs import NANOSECONDS_PER_SECOND
-from bags.container import ChunkView, Container, open_container, readable, record_dtype
+from bags.columns import columns_of, decoded, records_of
+from bags.container import ChunkView, Container, open_container, readable
 from bags.errors import BagError
 from bags.records import AlarmRecord, DesignRecord, HistoryRecord
 from bags.run_record import RunRecord
@@ -21,15 +20,113 @@ from bags.schema import RunTopics, run_topics
 from dgu_sim.grid import Link
 from dgu_sim.relay import RelayEvent
 
+WINDOW_STEPS = 5000
 _STATE_TOPIC = re.compile(r"/dgu_(\d+)/state")
 _RECEIVED_TOPIC = re.compile(r"/dgu_(\d+)/received/dgu_(\d+)")
 _T = TypeVar("_T")
-_VECTOR = 3  # components of states, outputs and residuals
-_CHUNKS_AT_ONCE = 100
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Run:
+    """A recorded run opened for reading; holds no step in memory.
+
+    Attributes:
+        path: The bag.
+        topics: DGUs, links and sampling period.
+        steps: Complete steps: a last step of which messages are missing is left out.
+        histories: Offline experiments, by DGU and number.
+        designs: What was designed for each link.
+        events: Attacks that started or stopped, in order of time.
+        attachments: Documents in the bag by name.
+    """
+
+    path: Path
+    topics: RunTopics
+    steps: int
+    histories: tuple[HistoryRecord, ...]
+    designs: Mapping[Link, DesignRecord]
+    events: tuple[RelayEvent, ...]
+    attachments: Mapping[str, bytes]
+    _container: Container
+
+    def windows(self, steps: int = WINDOW_STEPS) -> Iterator[RunRecord]:
+        """The run from its first step to its last, a window at a time; one empty window if it has no step.
+
+        Args:
+            steps: Steps of a window, but for the last one.
+
+        Raises:
+            BagError: The bag is damaged, or a step is missing: one line.
+        """
+        sizes = [min(steps, self.steps - start) for start in range(0, max(self.steps, 1), steps)]
+        columns = columns_of(self.topics)
+        start = 0
+        for fields in columns.windows(sizes, self._per_step_chunks(columns.by_name)):
+            size = min(steps, self.steps - start)
+            yield RunRecord(
+                path=self.path,
+                topics=self.topics,
+                steps=size,
+                first_step=start,
+                **fields,
+                histories=self.histories,
+                designs=self.designs,
+                events=self.events,
+                alarms=self._alarms(start, start + size),
+                attachments=self.attachments,
+            )
+            start += size
+        counts = self._container.counts
+        for name, column in columns.by_name.items():
+            if column.read != counts[name]:
+                raise BagError(f"{self.path}: {name} has {column.read} messages, its statistics promise {counts[name]}")
+
+    def _per_step_chunks(self, names: Mapping[str, object]) -> Iterator[tuple[str, int, ChunkView]]:
+        for channels, chunk in self._container.chunks(names.keys()):
+            for channel_id in chunk.offsets:
+                yield channels[channel_id].topic, channel_id, chunk
+
+    def _alarms(self, start: int, end: int) -> tuple[AlarmRecord, ...]:
+        """The alarms of steps [start, end): a late one stands behind later steps, but its stamp tells."""
+        found: list[AlarmRecord] = []
+        decoders = {}
+        for monitor in self.topics.monitors:
+            codec = self.topics.alarms(monitor)
+            decoders[codec.topic.name] = _into(found, codec.decode)
+        _decode(self._container, decoders, (self.topics.stamp_ns(start), self.topics.stamp_ns(end) - 1))
+        return tuple(sorted((one for one in found if start <= one.step < end), key=lambda one: one.step))
+
+
+def open_run(path: Path) -> Run:
+    """Open a bag that a run (in processes, composed or offline) left.
+
+    Args:
+        path: The bag's directory.
+
+    Raises:
+        BagError: Not a bag, not a bag of a run, not closed, or damaged: one line.
+    """
+    container = open_container(path)
+    topics = _topics_of(container)
+    counts = container.counts
+    steps = min(counts[topic.name] for topic in topics.per_step)
+    documents = _Documents()
+    _decode(container, documents.decoders(topics))
+    return Run(
+        path=path,
+        topics=topics,
+        steps=steps,
+        histories=tuple(sorted(documents.histories, key=lambda one: (one.dgu, one.experiment))),
+        designs={Link(one.source, one.monitor): one for one in documents.designs},
+        events=tuple(sorted((one for one in documents.events if one.step < steps), key=lambda one: one.step)),
+        attachments=container.attachments,
+        _container=container,
+    )
 
 
 def read_run(path: Path) -> RunRecord:
-    """Read a bag that a run (in processes, composed or offline) left.
+    """Read a whole run into memory: about 2 kB for each step of six DGUs.
 
     Args:
         path: The bag's directory.
@@ -40,37 +137,20 @@ def read_run(path: Path) -> RunRecord:
     Raises:
         BagError: Not a bag, not a bag of a run, not closed, or damaged: one line.
     """
-    container = open_container(path)
-    topics = _topics_of(container)
-    counts = container.counts
-    steps = min(counts[topic.name] for topic in topics.per_step)
-    arrays = _Arrays.of(topics, steps)
-    others = _Others()
-    columns, decoders = arrays.columns(topics), others.decoders(topics)
-    for channels, chunk in container.chunks():
-        with readable(path):
+    run = open_run(path)
+    (record,) = run.windows(max(run.steps, 1))
+    return record
+
+
+def _decode(
+    container: Container, decoders: Mapping[str, Callable[[bytes], None]], times_ns: tuple[int, int] | None = None
+) -> None:
+    """Decode every message of some topics one by one."""
+    for channels, chunk in container.chunks(decoders.keys(), times_ns):
+        with readable(container.path):
             for channel_id in chunk.offsets:
-                name = channels[channel_id].topic
-                if name in columns:
-                    columns[name].take(chunk, channel_id, name)
-                elif name in decoders:
-                    for payload in chunk.payloads(channel_id):
-                        decoders[name](payload)
-    for name, column in columns.items():
-        column.decode(name)
-        if column.filled != counts[name]:
-            raise BagError(f"{path}: {name} has {column.filled} messages, its statistics promise {counts[name]}")
-    return RunRecord(
-        path=path,
-        topics=topics,
-        steps=steps,
-        **arrays.fields(),
-        histories=tuple(sorted(others.histories, key=lambda one: (one.dgu, one.experiment))),
-        designs={Link(one.source, one.monitor): one for one in others.designs},
-        events=tuple(sorted((one for one in others.events if one.step < steps), key=lambda one: one.step)),
-        alarms=tuple(sorted((one for one in others.alarms if one.step < steps), key=lambda one: one.step)),
-        attachments=container.attachments,
-    )
+                for payload in chunk.payloads(channel_id):
+                    decoders[channels[channel_id].topic](payload)
 
 
 def _topics_of(container: Container) -> RunTopics:
@@ -94,146 +174,33 @@ def _topics_of(container: Container) -> RunTopics:
 
 def _sampling_period_ns(container: Container, topics: RunTopics) -> int:
     """T_s [ns] from the stamp of step 1, or from a history when the run ended before it."""
-    layout = topics.tick().layout
+    tick, layout = topics.tick().topic.name, topics.tick().layout
     histories = {topics.history(dgu).topic.name: topics.history(dgu) for dgu in topics.dgus}
     recorded = 0
-    for channels, chunk in container.chunks():
+    for channels, chunk in container.chunks({tick, *histories}):
         with readable(container.path):
             for channel_id in chunk.offsets:
                 name = channels[channel_id].topic
                 if name in histories and len(chunk.offsets[channel_id]):
                     recorded = round(histories[name].decode(next(chunk.payloads(channel_id))).sampling_period_sec * 1e9)
-                if name == "/tick":
-                    ticks = _decoded([_records(chunk, channel_id, layout, name)], [channel_id], layout, name)
-                    for tick in ticks[ticks["step"] == 1]:
-                        sec, nanosec = int(tick["header.stamp.sec"]), int(tick["header.stamp.nanosec"])
+                if name == tick:
+                    ticks = decoded([records_of(chunk, channel_id, layout, name)], [channel_id], layout, name)
+                    for one in ticks[ticks["step"] == 1]:
+                        sec, nanosec = int(one["header.stamp.sec"]), int(one["header.stamp.nanosec"])
                         return sec * NANOSECONDS_PER_SECOND + nanosec
     if not recorded:
         raise BagError(f"{container.path}: the run ended before step 1 and holds no history, so its T_s is unknown")
     return recorded
 
 
-def _records(chunk: ChunkView, channel_id: int, layout: Layout, name: str) -> NDArray[np.void]:
-    records = chunk.records(channel_id, MESSAGE_HEAD.size + layout.size)
-    if records is None:
-        raise _wrong_length(layout, name)
-    return records
-
-
-def _decoded(
-    parts: Sequence[NDArray[np.void]], channel_ids: Sequence[int], layout: Layout, name: str
-) -> NDArray[np.void]:
-    """Messages of some chunks one after the other, once their heads say that they are what the index promised."""
-    records = np.concatenate(parts).view(record_dtype(layout.dtype))
-    if np.any(records["opcode"] != Opcode.MESSAGE) or np.any(records["length"] != MESSAGE_HEAD_LENGTH + layout.size):
-        raise _wrong_length(layout, name)
-    if np.any(records["channel_id"] != np.repeat(channel_ids, [len(part) for part in parts])):
-        raise BagError(f"{name}: the message index points to messages of another topic")
-    messages: NDArray[np.void] = records["message"]
-    return messages
-
-
-def _wrong_length(layout: Layout, name: str) -> BagError:
-    return BagError(f"{name}: a message has another length than the {layout.size} bytes of {layout.type_name}")
-
-
-@final
-@dataclass(slots=True, kw_only=True)
-class _Column:
-    """Where the fields of one per-step topic go, and how many of its steps are there already."""
-
-    layout: Layout
-    targets: Mapping[str, NDArray[Any]]
-    filled: int = 0
-    waiting: list[NDArray[np.void]] = field(default_factory=list)
-    channel_ids: list[int] = field(default_factory=list)
-
-    def take(self, chunk: ChunkView, channel_id: int, name: str) -> None:
-        """Take the messages of one chunk; decode once there are enough for numpy to be quick."""
-        self.waiting.append(_records(chunk, channel_id, self.layout, name))
-        self.channel_ids.append(channel_id)
-        if len(self.waiting) >= _CHUNKS_AT_ONCE:
-            self.decode(name)
-
-    def decode(self, name: str) -> None:
-        """Copy what waits to where it belongs."""
-        if not self.waiting:
-            return
-        messages = _decoded(self.waiting, self.channel_ids, self.layout, name)
-        self.waiting.clear()
-        self.channel_ids.clear()
-        start = self.filled
-        self.filled += len(messages)
-        if "step" in self.layout.names:
-            wrong = np.flatnonzero(messages["step"] != np.arange(start, self.filled))
-            if len(wrong):
-                found = int(messages["step"][wrong[0]])
-                raise BagError(f"{name}: found step {found}, expected step {start + int(wrong[0])}")
-        for field_name, target in self.targets.items():
-            target[start : self.filled] = messages[field_name][: max(len(target) - start, 0)]
-
-
-@final
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Arrays:
-    """The arrays of a RunRecord, still to be filled."""
-
-    dgu_fields: Mapping[str, NDArray[Any]]
-    output_fields: Mapping[str, NDArray[Any]]
-    received_fields: Mapping[str, NDArray[Any]]
-    residual_fields: Mapping[str, NDArray[Any]]
-
-    @classmethod
-    def of(cls, topics: RunTopics, steps: int) -> "_Arrays":
-        """Empty arrays for a number of steps."""
-        dgus, links = (steps, len(topics.dgus)), (steps, len(topics.links))
-        return cls(
-            dgu_fields={
-                "x": np.empty((*dgus, _VECTOR)),
-                **{name: np.empty(dgus) for name in ("load_current", "reference", "alpha")},
-            },
-            output_fields={"y": np.empty((*dgus, _VECTOR))},
-            received_fields={"y": np.empty((*links, _VECTOR)), "delivered": np.empty(links, dtype=np.bool_)},
-            residual_fields={
-                "phase": np.empty(links, dtype=np.uint8),
-                "alarm": np.empty(links, dtype=np.bool_),
-                **{name: np.empty((*links, _VECTOR)) for name in ("estimate", "residual", "threshold")},
-            },
-        )
-
-    def columns(self, topics: RunTopics) -> dict[str, _Column]:
-        """The destination of every per-step topic by name."""
-        clock, tick = topics.clock(), topics.tick()
-        found = {codec.topic.name: _Column(layout=codec.layout, targets={}) for codec in (clock, tick)}
-        for position, dgu in enumerate(topics.dgus):
-            state, output = topics.state(dgu), topics.output(dgu)
-            found[state.topic.name] = _column(state.layout, self.dgu_fields, position)
-            found[output.topic.name] = _column(output.layout, self.output_fields, position)
-        for position, link in enumerate(topics.links):
-            received, residual = topics.received(link), topics.residual(link)
-            found[received.topic.name] = _column(received.layout, self.received_fields, position)
-            found[residual.topic.name] = _column(residual.layout, self.residual_fields, position)
-        return found
-
-    def fields(self) -> dict[str, Any]:
-        """The arrays by the names they have in a RunRecord."""
-        received = {"received": self.received_fields["y"], "delivered": self.received_fields["delivered"]}
-        return {**self.dgu_fields, **self.output_fields, **received, **self.residual_fields}
-
-
-def _column(layout: Layout, fields: Mapping[str, NDArray[Any]], position: int) -> _Column:
-    return _Column(layout=layout, targets={name: array[:, position] for name, array in fields.items()})
-
-
 @final
 @dataclass(frozen=True, slots=True)
-class _Others:
-    """What the messages besides the per-step ones say."""
+class _Documents:
+    """What the messages say that stand before step 0, and the few about attacks."""
 
     histories: list[HistoryRecord] = field(default_factory=list)
     designs: list[DesignRecord] = field(default_factory=list)
     events: list[RelayEvent] = field(default_factory=list)
-    alarms: list[AlarmRecord] = field(default_factory=list)
 
     def decoders(self, topics: RunTopics) -> dict[str, Callable[[bytes], None]]:
         """What to do with a message, by topic name."""
@@ -244,9 +211,6 @@ class _Others:
         for link in topics.links:
             design = topics.design(link)
             found[design.topic.name] = _into(self.designs, design.decode)
-        for monitor in topics.monitors:
-            alarms = topics.alarms(monitor)
-            found[alarms.topic.name] = _into(self.alarms, alarms.decode)
         events = topics.attack_events()
         found[events.topic.name] = _into(self.events, events.decode)
         return found

@@ -22,10 +22,12 @@ from bags.check import Damage, mcap_files, read_information
 from bags.chunk import OpenChunk
 from bags.errors import BagError
 from bags.file_bytes import FileBytes
+from bags.frames import Frame, parse_definition
 from bags.mcap_file import Compression, McapFile
 from bags.messages import MessageTable, walk
 from bags.metadata import ROS_DISTRO, BagInfo, FileEntry, TopicEntry, write_metadata
-from bags.scan import Fault, Frame, Messages, SummarySection, parse_definition, summary_of, survey
+from bags.scan import Fault, Messages, survey
+from bags.summary_section import SummarySection, summary_of
 from bags.yaml_text import load
 
 

@@ -1,4 +1,4 @@
-"""A whole recorded run in memory."""
+"""Consecutive steps of a recorded run in memory: all of them, or a window."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -18,12 +18,13 @@ from dgu_sim.relay import Action, RelayEvent
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunRecord:
-    """Everything a bag says about a run; axes "dgus" and "links" are in the order of `topics`.
+    """What a bag says about a run, or about a window of it; axes "dgus" and "links" are in the order of `topics`.
 
     Attributes:
         path: The bag.
         topics: DGUs, links and sampling period.
-        steps: Complete steps: a last step of which messages are missing is left out.
+        steps: Complete steps in here: a last step of which messages are missing is left out.
+        first_step: Step of the first row; 0 unless this is a later window of a run.
         x: True states, shape (steps, dgus, 3): V [V], I_t [A], v [V s].
         load_current: I_L, shape (steps, dgus) [A].
         reference: V_ref + alpha, shape (steps, dgus) [V].
@@ -38,8 +39,8 @@ class RunRecord:
         threshold: Thresholds, shape (steps, links, 3) [V, A, V s]; NaN before they are set.
         histories: Offline experiments, by DGU and number.
         designs: What was designed for each link.
-        events: Attacks that started or stopped, in order of time.
-        alarms: Alarms that started or ended, in order of time.
+        events: Attacks that started or stopped anywhere in the run, in order of time.
+        alarms: Alarms that started or ended at these steps, in order of time.
         attachments: Documents in the bag by name.
     """
 
@@ -63,6 +64,7 @@ class RunRecord:
     events: tuple[RelayEvent, ...]
     alarms: tuple[AlarmRecord, ...]
     attachments: Mapping[str, bytes]
+    first_step: int = 0
 
     @property
     def links(self) -> tuple[Link, ...]:
@@ -77,7 +79,12 @@ class RunRecord:
     @property
     def time_sec(self) -> NDArray[np.float64]:
         """Simulated time of each step, shape (steps,) [s]."""
-        return np.arange(self.steps, dtype=np.float64) * self.sampling_period_sec
+        return np.arange(self.first_step, self.end_step, dtype=np.float64) * self.sampling_period_sec
+
+    @property
+    def end_step(self) -> int:
+        """The step behind the last row."""
+        return self.first_step + self.steps
 
     @property
     def scenario_text(self) -> str:
@@ -85,7 +92,7 @@ class RunRecord:
         return self.attachments.get(SCENARIO_ATTACHMENT, b"").decode()
 
     def attack_intervals(self, link: Link) -> tuple[tuple[int, int], ...]:
-        """Steps [start, stop) during which attacks ran on a link, by start; one without a stop ends with the run."""
+        """Steps [start, stop) of the attacks on a link, by start; one without a stop ends behind the last row."""
         starts: dict[int, int] = {}
         intervals = []
         for event in self.events:
@@ -93,4 +100,4 @@ class RunRecord:
                 starts[event.attack] = event.step
             elif event.link == link and event.attack in starts:
                 intervals.append((starts.pop(event.attack), event.step))
-        return tuple(sorted([*intervals, *((start, self.steps) for start in starts.values())]))
+        return tuple(sorted([*intervals, *((start, self.end_step) for start in starts.values())]))

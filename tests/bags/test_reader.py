@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from rosbags.highlevel import AnyReader
 
 from bags.errors import BagError
-from bags.reader import read_run
+from bags.reader import open_run, read_run
 from bags.run_record import RunRecord
 from bags.schema import RunTopics
 from bags.topic import Topic, TopicKind
@@ -66,6 +66,20 @@ def test_documents_of_a_run(record: RunRecord, scenario: Scenario) -> None:
     assert parse_scenario(record.scenario_text) == scenario
     assert (record.steps, record.sampling_period_sec) == (240, 0.01)
     assert record.time_sec[-1] == pytest.approx(2.39)
+
+
+@settings(max_examples=12, deadline=None)  # every example reads the bag
+@given(size=st.integers(1, 300))
+def test_windows_are_the_run(bag: Path, record: RunRecord, size: int) -> None:
+    """Window by window, whatever their size, a run has the bits and the alarms that it has as a whole."""
+    windows = list(open_run(bag).windows(size))
+    assert [one.first_step for one in windows] == list(range(0, 240, size))
+    assert all(one.steps == size for one in windows[:-1])
+    for name in ("x", "load_current", "y", "received", "delivered", *CONCLUSIONS):
+        assert np.concatenate([getattr(one, name) for one in windows]).tobytes() == getattr(record, name).tobytes()
+    assert repr(tuple(alarm for one in windows for alarm in one.alarms)) == repr(record.alarms)
+    assert np.concatenate([one.time_sec for one in windows]).tolist() == record.time_sec.tolist()
+    assert windows[-1].attack_intervals(Link(3, 1)) == ((200, 240),)
 
 
 def _copied(
@@ -141,7 +155,9 @@ def test_truncated_bag_says_so(bag: Path, tmp_path: Path) -> None:
 def test_wrong_statistics_are_named(bag: Path, tmp_path: Path) -> None:
     """A file that holds another number of messages than it says is not read as a shorter run."""
     tick = struct.pack("<HQ", 2, 240)
-    spoilt = _spoil(bag, tmp_path, lambda data: struct.pack("<HQ", 2, 200).join(data.rsplit(tick, 1)))
+    wrong = bag.joinpath("run_0.mcap").read_bytes().rsplit(tick, 1)
+    unchecked = struct.pack("<HQ", 2, 200).join(wrong)[:-12] + bytes(4) + b"\x89MCAP0\r\n"
+    spoilt = _spoil(bag, tmp_path, lambda _: unchecked)
     with pytest.raises(BagError, match="/tick has 240 messages, its statistics promise 200"):
         read_run(spoilt)
 

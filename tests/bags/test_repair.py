@@ -84,8 +84,8 @@ def make(folder: Path, topics: RunTopics, compression: Compression) -> Original:
     file = path / f"{path.name}_0.mcap"
     (_, summary), *_ = open_container(path).files
     vital: list[tuple[int, int, int]] = []
-    for index, (_, view) in zip(summary.chunk_indexes, open_container(path).chunks(), strict=True):
-        start, end = index.chunk_start_offset, index.chunk_start_offset + index.chunk_length
+    for index, (_, view) in zip(summary.chunks.entries(), open_container(path).chunks(), strict=True):
+        start, end = index.start, index.start + index.length
         count = sum(len(offsets) for offsets in view.offsets.values())
         # the check sum stands behind the record's head, two times and the size; the data fill the end
         vital += [(start + 33, end - index.compressed_size, end)] * count

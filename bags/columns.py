@@ -1,0 +1,233 @@
+"""The per-step messages of a run on their way from chunks into the arrays of a window."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any, final
+
+import numpy as np
+from mcap.opcode import Opcode
+from numpy.typing import NDArray
+
+from bags.cdr import Layout
+from bags.chunk import MESSAGE_HEAD, MESSAGE_HEAD_LENGTH
+from bags.container import ChunkView, record_dtype
+from bags.errors import BagError
+from bags.schema import RunTopics
+
+_VECTOR = 3  # components of states, outputs and residuals
+_ROWS_AT_ONCE = 1000
+
+
+def records_of(chunk: ChunkView, channel_id: int, layout: Layout, name: str) -> NDArray[np.void]:
+    """The message records of one channel of a chunk as raw bytes.
+
+    Raises:
+        BagError: One reaches beyond the chunk.
+    """
+    records = chunk.records(channel_id, MESSAGE_HEAD.size + layout.size)
+    if records is None:
+        raise _wrong_length(layout, name)
+    return records
+
+
+def decoded(
+    parts: Sequence[NDArray[np.void]], channel_ids: Sequence[int], layout: Layout, name: str
+) -> NDArray[np.void]:
+    """Messages of some chunks one after the other, once their heads say that they are what the index promised."""
+    records = np.concatenate(parts).view(record_dtype(layout.dtype))
+    if np.any(records["opcode"] != Opcode.MESSAGE) or np.any(records["length"] != MESSAGE_HEAD_LENGTH + layout.size):
+        raise _wrong_length(layout, name)
+    if np.any(records["channel_id"] != np.repeat(channel_ids, [len(part) for part in parts])):
+        raise BagError(f"{name}: the message index points to messages of another topic")
+    messages: NDArray[np.void] = records["message"]
+    return messages
+
+
+def _wrong_length(layout: Layout, name: str) -> BagError:
+    return BagError(f"{name}: a message has another length than the {layout.size} bytes of {layout.type_name}")
+
+
+@final
+@dataclass(slots=True, kw_only=True)
+class Column:
+    """One per-step topic: what of it has been read and where its fields go.
+
+    Attributes:
+        name: The topic.
+        layout: Of its messages.
+        read: Messages read so far.
+        filled: Rows of the window that are there already.
+    """
+
+    name: str
+    layout: Layout
+    read: int = 0
+    filled: int = 0
+    _rows: int = 0  # waiting
+    _waiting: list[NDArray[np.void]] = field(default_factory=list)  # whole records of one chunk each
+    _channel_ids: list[int] = field(default_factory=list)
+    _ready: list[NDArray[np.void]] = field(default_factory=list)  # decoded, for rows to come
+
+    def take(self, chunk: ChunkView, channel_id: int) -> bool:
+        """Take the messages of one chunk; tell whether enough wait for numpy to be quick."""
+        self._waiting.append(records_of(chunk, channel_id, self.layout, self.name))
+        self._channel_ids.append(channel_id)
+        self._rows += len(self._waiting[-1])
+        return self._rows >= _ROWS_AT_ONCE
+
+    def fill(self, targets: Mapping[str, NDArray[Any]], steps: int) -> None:
+        """Copy what has been read to the rows of the window that it belongs to.
+
+        Args:
+            targets: Array of each field, shape (steps, ...).
+            steps: Rows of the window.
+
+        Raises:
+            BagError: A message is not what the index promised, or a step is missing.
+        """
+        if self._waiting:
+            self._decode()
+        while self._ready and self.filled < steps:
+            messages = self._ready.pop(0)
+            taken = messages[: steps - self.filled]
+            for name, target in targets.items():
+                target[self.filled : self.filled + len(taken)] = taken[name]
+            self.filled += len(taken)
+            if len(taken) < len(messages):
+                self._ready.insert(0, messages[len(taken) :])
+
+    def skip(self) -> None:
+        """Check what has been read and drop it: no window needs it."""
+        self.fill({}, 0)
+        self._ready.clear()
+
+    def _decode(self) -> None:
+        messages = decoded(self._waiting, self._channel_ids, self.layout, self.name)
+        self._waiting.clear()
+        self._channel_ids.clear()
+        self._rows = 0
+        start = self.read
+        self.read += len(messages)
+        if "step" in self.layout.names:
+            wrong = np.flatnonzero(messages["step"] != np.arange(start, self.read))
+            if len(wrong):
+                found = int(messages["step"][wrong[0]])
+                raise BagError(f"{self.name}: found step {found}, expected step {start + int(wrong[0])}")
+        self._ready.append(messages)
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Columns:
+    """All per-step topics of a run while its chunks are gone through.
+
+    Attributes:
+        topics: The run's topics.
+        by_name: The columns.
+    """
+
+    topics: RunTopics
+    by_name: Mapping[str, Column]
+
+    def windows(self, sizes: Sequence[int], chunks: Iterator[tuple[str, int, ChunkView]]) -> Iterator[dict[str, Any]]:
+        """The arrays of consecutive windows, by the names they have in a RunRecord.
+
+        Args:
+            sizes: Steps of each window.
+            chunks: Topic, channel and chunk, for each topic of each chunk in order; used up in the end.
+
+        Raises:
+            BagError: See `Column.fill`.
+        """
+        for size in sizes:
+            arrays = _Arrays.of(self.topics, size)
+            targets = arrays.targets(self.topics)
+            self._fill(targets, size)
+            while any(column.filled < size for column in self.by_name.values()):
+                following = next(chunks, None)
+                if following is None or self._take(following):
+                    self._fill(targets, size)
+                if following is None:
+                    break
+            yield arrays.fields()
+            for column in self.by_name.values():
+                column.filled = 0
+        for rest in chunks:
+            if self._take(rest):
+                self._skip()
+        self._skip()
+
+    def _take(self, found: tuple[str, int, ChunkView]) -> bool:
+        name, channel_id, chunk = found
+        return self.by_name[name].take(chunk, channel_id)
+
+    def _skip(self) -> None:
+        for column in self.by_name.values():
+            column.skip()
+
+    def _fill(self, targets: Mapping[str, Mapping[str, NDArray[Any]]], steps: int) -> None:
+        for name, column in self.by_name.items():
+            column.fill(targets[name], steps)
+
+
+def columns_of(topics: RunTopics) -> Columns:
+    """Columns for a run of which nothing has been read."""
+    clock, tick = topics.clock(), topics.tick()
+    layouts = {clock.topic.name: clock.layout, tick.topic.name: tick.layout}
+    for dgu in topics.dgus:
+        state, output = topics.state(dgu), topics.output(dgu)
+        layouts |= {state.topic.name: state.layout, output.topic.name: output.layout}
+    for link in topics.links:
+        received, residual = topics.received(link), topics.residual(link)
+        layouts |= {received.topic.name: received.layout, residual.topic.name: residual.layout}
+    by_name = {name: Column(name=name, layout=layout) for name, layout in layouts.items()}
+    return Columns(topics=topics, by_name=by_name)
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Arrays:
+    """The arrays of a RunRecord, still to be filled."""
+
+    dgu_fields: Mapping[str, NDArray[Any]]
+    output_fields: Mapping[str, NDArray[Any]]
+    received_fields: Mapping[str, NDArray[Any]]
+    residual_fields: Mapping[str, NDArray[Any]]
+
+    @classmethod
+    def of(cls, topics: RunTopics, steps: int) -> "_Arrays":
+        """Empty arrays for a number of steps."""
+        dgus, links = (steps, len(topics.dgus)), (steps, len(topics.links))
+        return cls(
+            dgu_fields={
+                "x": np.empty((*dgus, _VECTOR)),
+                **{name: np.empty(dgus) for name in ("load_current", "reference", "alpha")},
+            },
+            output_fields={"y": np.empty((*dgus, _VECTOR))},
+            received_fields={"y": np.empty((*links, _VECTOR)), "delivered": np.empty(links, dtype=np.bool_)},
+            residual_fields={
+                "phase": np.empty(links, dtype=np.uint8),
+                "alarm": np.empty(links, dtype=np.bool_),
+                **{name: np.empty((*links, _VECTOR)) for name in ("estimate", "residual", "threshold")},
+            },
+        )
+
+    def targets(self, topics: RunTopics) -> dict[str, dict[str, NDArray[Any]]]:
+        """Where the fields of each per-step topic go, by topic."""
+        found: dict[str, dict[str, NDArray[Any]]] = {topics.clock().topic.name: {}, topics.tick().topic.name: {}}
+        for position, dgu in enumerate(topics.dgus):
+            found[topics.state(dgu).topic.name] = _at(self.dgu_fields, position)
+            found[topics.output(dgu).topic.name] = _at(self.output_fields, position)
+        for position, link in enumerate(topics.links):
+            found[topics.received(link).topic.name] = _at(self.received_fields, position)
+            found[topics.residual(link).topic.name] = _at(self.residual_fields, position)
+        return found
+
+    def fields(self) -> dict[str, Any]:
+        """The arrays by the names they have in a RunRecord."""
+        received = {"received": self.received_fields["y"], "delivered": self.received_fields["delivered"]}
+        return {**self.dgu_fields, **self.output_fields, **received, **self.residual_fields}
+
+
+def _at(fields: Mapping[str, NDArray[Any]], position: int) -> dict[str, NDArray[Any]]:
+    return {name: array[:, position] for name, array in fields.items()}
