@@ -15,6 +15,7 @@ from bags.schema import RunTopics
 from dgu_sim.grid import Link
 from dgu_sim.settings import MonitorSettings
 from monitor import detectors, observers
+from monitor.delayed import ConstantInput
 from monitor.detectors import Phase
 from monitor.history import History
 from monitor.linear import Component, Vector, matvec
@@ -35,6 +36,7 @@ class StackedObserver:
         inputs: m.
         outputs: p.
         states: n.
+        lag: Steps by which the estimate lags the newest sample.
     """
 
     whole: NDArray[np.float64]
@@ -42,6 +44,7 @@ class StackedObserver:
     inputs: int
     outputs: int
     states: int
+    lag: int = 0
 
     def init(self, u: Sequence[Component], y: Sequence[Component]) -> Vector:
         """State before the first sample is used."""
@@ -183,8 +186,9 @@ def _grouped(designs: Sequence[Design]) -> list[tuple[list[int], Observer]]:
     shapes: dict[tuple[object, ...], list[int]] = {}
     for position, design in enumerate(designs):
         observer = design.observer
-        if isinstance(observer, LinearObserver):
-            shape = (observer.order, observer.states, observer.outputs, observer.inputs)
+        linear = _linear(observer)
+        if linear is not None:
+            shape = (linear is observer, linear.order, linear.states, linear.outputs, linear.inputs, linear.lag)
             shapes.setdefault((design.blind, design.channels, *shape), []).append(position)
         elif observer is not None:
             shapes[position,] = [position]
@@ -194,19 +198,27 @@ def _grouped(designs: Sequence[Design]) -> list[tuple[list[int], Observer]]:
 
 
 def _stacked(members: Sequence[Observer | None]) -> Observer:
-    linear = [observer for observer in members if isinstance(observer, LinearObserver)]
+    linear = [one for one in map(_linear, members) if one is not None]
     if not linear:
         (only,) = members
         assert only is not None  # noqa: S101 - the caller leaves refused designs out
         return only
     first = linear[0]
-    return StackedObserver(
+    stacked = StackedObserver(
         whole=np.stack([np.block([[one.H, one.J], [one.M, one.D], [one.A, one.B]]) for one in linear], axis=-1),
         start=np.stack([one.Z for one in linear], axis=-1),
         inputs=first.inputs,
         outputs=first.outputs,
         states=first.states,
+        lag=first.lag,
     )
+    return stacked if first is members[0] else ConstantInput(stacked)
+
+
+def _linear(observer: Observer | None) -> LinearObserver | None:
+    """The matrices that step: of the observer itself, or of the one behind a constant input."""
+    inner = observer.inner if isinstance(observer, ConstantInput) else observer
+    return inner if isinstance(inner, LinearObserver) else None
 
 
 def _run_group(

@@ -3,6 +3,7 @@
 The per-step messages carry records of `dgu_sim` and `monitor`; these here are the ones that nobody else owns.
 """
 
+import json
 from dataclasses import dataclass
 from enum import IntEnum
 from typing import final
@@ -91,3 +92,12 @@ class DesignRecord:
     accepted: bool
     verdict: str
     certificate: str
+
+    @property
+    def lag(self) -> int:
+        """Steps by which the estimates of the monitor lag: at step k they are of step k - lag."""
+        try:
+            certificate = json.loads(self.certificate)
+        except ValueError:
+            return 0  # a bag of someone else
+        return int(certificate.get("lag", 0)) if isinstance(certificate, dict) else 0

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass, fields, is_dataclass
 from math import isfinite
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
@@ -111,6 +111,53 @@ class ResidualReport:
         return smallest_crossing(self.peak_gain, threshold)
 
 
+class MethodReport(Protocol):
+    """What only one method knows about its design: frozen data that can also say itself in words."""
+
+    def lines(self) -> list[str]:
+        """The report as lines of text for a terminal."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Guarantee:
+    """Bounds on the error in the limit, and how close inputs come to them; all 0 for exact decoupling.
+
+    Attributes:
+        delay: delta, samples after the estimated instant's predecessor that are waited for.
+        lag: steps by which the state estimate lags the newest output, max(delta - 1, 0).
+        exact: the unknown inputs are cancelled altogether.
+        decay: spectral radius of the error dynamics: what is left of a first error from one step to the next.
+        gained_rank: rank Gamma_delta - rank Gamma_delta-1.
+        needed_rank: rank [B; D]; exact decoupling needs the two to be equal.
+        a: of C's LMI.
+        gamma: sqrt(mu), limsup |H e| <= gamma sup |W_k:k+delta|.
+        bound: gamma sqrt(delta + 1), limsup |H e| <= bound sup |w_k|.
+        response_bound: sum_l |G_l| of the impulse response, another guaranteed bound on limsup |H e| / sup |w_k|.
+        reached: limsup |H e| / sup |w_k| that the worst inputs found do reach.
+        input_bound: guaranteed limsup |w^ - w| / sup |w_k| of the input reconstructed delta steps late.
+        residual_bound: (p,) guaranteed limsup |r_i| / sup |w_k| without any attack; None unless known.
+        certain_bias: (p,) smallest constant bias on one component alone that no unknown input with |w_k| <= 1 can hide
+            for good, 2 residual_bound_i / |steady gain|; infinite when none is.
+        unit: what |w_k| = 1 means.
+    """
+
+    delay: int
+    lag: int
+    exact: bool
+    decay: float = 0.0
+    gained_rank: int = 0
+    needed_rank: int = 0
+    a: float = 0.5
+    gamma: float = 0.0
+    bound: float = 0.0
+    response_bound: float = 0.0
+    reached: float = 0.0
+    input_bound: float = 0.0
+    residual_bound: NDArray[np.float64] | None = None
+    certain_bias: NDArray[np.float64] | None = None
+    unit: str = ""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Certificate:
     """The whole truth about one design; parts that were never reached are None.
@@ -123,6 +170,9 @@ class Certificate:
         dynamics: how the error behaves.
         residual: what the residual sees.
         matrices: the observer's matrices by their symbols, rows of numbers.
+        lag: steps by which the estimate lags the newest sample: at step k it is of x_k-lag.
+        guarantee: bounds on the error under bounded unknown inputs, for methods that give some.
+        method: what only this method knows.
     """
 
     kind: str
@@ -132,9 +182,12 @@ class Certificate:
     dynamics: DynamicsReport | None = None
     residual: ResidualReport | None = None
     matrices: dict[str, NDArray[np.float64]] | None = None
+    lag: int = 0
+    guarantee: Guarantee | None = None
+    method: MethodReport | None = None
 
     def to_json(self) -> str:
-        """One JSON document; infinite numbers become null."""
+        """One JSON document; infinite numbers become null, complex ones pairs (real, imaginary)."""
         return json.dumps(_plain(self), allow_nan=False)
 
 
@@ -156,7 +209,8 @@ def _plain(value: object) -> object:
     if isinstance(value, list):
         return [_plain(entry) for entry in value]
     if isinstance(value, np.ndarray):
-        return _plain(value.tolist())
+        pairs = np.stack([value.real, value.imag], axis=-1) if np.iscomplexobj(value) else value
+        return _plain(pairs.tolist())
     if is_dataclass(value) and not isinstance(value, type):
         return {entry.name: _plain(getattr(value, entry.name)) for entry in fields(value)}
     return None if isinstance(value, float) and not isfinite(value) else value

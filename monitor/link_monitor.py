@@ -100,13 +100,14 @@ class LinkMonitor:
         if not everywhere(usable):
             sent = tuple([select(usable, component, nan) for component in sent])
         following, estimate = observer.step(_awake(observer, state.observer, sent), (), sent)
+        known = estimate.estimate if observer.states else (nan,) * len(y)  # an input estimator knows no state
         if self.blind:
-            return MonitorState(following, state.detector), _refused(y, estimate.estimate)
+            return MonitorState(following, state.detector), _refused(y, known)
         learned, verdict = self.detector.step(state.detector, estimate.residual)
         residual, threshold = estimate.residual, verdict.threshold
         if len(y) != observer.outputs:
             residual, threshold = self._spread(residual, len(y)), self._spread(threshold, len(y))
-        output = MonitorOutput(verdict.phase, verdict.alarm, estimate.estimate, residual, threshold)
+        output = MonitorOutput(verdict.phase, verdict.alarm, known, residual, threshold)
         return MonitorState(following, learned), output
 
     def _sent(self, y: Sequence[Component], outputs: int) -> Sequence[Component]:

@@ -9,7 +9,7 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from monitor.certificate import Certificate, DataReport, DynamicsReport, ResidualReport
+    from monitor.certificate import Certificate, DataReport, DynamicsReport, Guarantee, ResidualReport
 
 
 def accepted(data: DataReport, dynamics: DynamicsReport, residual: ResidualReport) -> str:
@@ -17,19 +17,23 @@ def accepted(data: DataReport, dynamics: DynamicsReport, residual: ResidualRepor
     speed = f"errors shrink to 1 % in {dynamics.convergence_steps} steps (radius {dynamics.spectral_radius:.3g})"
     if residual.blind:
         return f"accepted for its estimate only, BLIND to every falsification; {speed}"
+    return f"accepted: {data.unknown_inputs} unknown inputs ({data.rank_basis}); {speed}; {sees(residual)}"
+
+
+def sees(residual: ResidualReport) -> str:
+    """What a residual shows of constant biases, a few words."""
+    if residual.blind:
+        return "BLIND to every falsification: for its estimate only"
     hidden = residual.invisible_bias.shape[1]
+    if not hidden:
+        return "every constant bias leaves a residual"
     directions = "direction" if hidden == 1 else "directions"
-    sees = (
-        "every constant bias leaves a residual"
-        if not hidden
-        else (f"{hidden} of {data.outputs} {directions} of constant bias leave no steady residual")
-    )
-    return f"accepted: {data.unknown_inputs} unknown inputs ({data.rank_basis}); {speed}; {sees}"
+    return f"{hidden} of {len(residual.threshold)} {directions} of constant bias leave no steady residual"
 
 
-def blind_reason(data: DataReport) -> str:
+def blind_reason(data: DataReport | None) -> str:
     """Why the residual shows nothing."""
-    if data.unknown_inputs is not None and data.unknown_inputs >= data.outputs:
+    if data is not None and data.unknown_inputs is not None and data.unknown_inputs >= data.outputs:
         return (
             f"blind: {data.unknown_inputs} unknown inputs explain every change of {data.outputs} outputs, "
             "the residual is always zero"
@@ -44,8 +48,14 @@ def describe(certificate: Certificate) -> list[str]:
         lines += _data_lines(certificate.data)
     if certificate.dynamics is not None:
         lines += _dynamics_lines(certificate.dynamics)
+    if certificate.lag:
+        lines.append(f"lag: at step k the estimate is of step k - {certificate.lag}")
+    if certificate.guarantee is not None:
+        lines += _guarantee_lines(certificate.guarantee)
     if certificate.residual is not None:
         lines += _residual_lines(certificate.residual)
+    if certificate.method is not None:
+        lines += certificate.method.lines()
     return lines
 
 
@@ -70,6 +80,22 @@ def _dynamics_lines(dynamics: DynamicsReport) -> list[str]:
         f"observer: order {dynamics.order}, strategy {dynamics.strategy}, {misfit}",
         f"error: eigenvalues {eigenvalues or 'none'}; radius {dynamics.spectral_radius:.4g}; gone (1 %) {settles}",
     ]
+
+
+def _guarantee_lines(guarantee: Guarantee) -> list[str]:
+    ranks = f"rank Gamma grows by {guarantee.gained_rank}, exact decoupling needs {guarantee.needed_rank}"
+    if guarantee.exact:
+        return [f"guarantee: unknown inputs of any size are cancelled exactly ({ranks})"]
+    lmi = f"gamma {guarantee.gamma:.3g} and bound {guarantee.bound:.3g} by the LMI"
+    error = f"|H e| <= {min(guarantee.bound, guarantee.response_bound):.3g}, {guarantee.reached:.3g} is reached"
+    lines = [
+        f"guarantee: not exact ({ranks}); |w| = 1 is {guarantee.unit}",
+        f"guaranteed for |w| <= 1: {error} ({lmi}); input error <= {guarantee.input_bound:.3g}",
+    ]
+    if guarantee.residual_bound is not None and guarantee.certain_bias is not None:
+        moved, certain = _numbers(guarantee.residual_bound), _numbers(guarantee.certain_bias)
+        lines.append(f"such inputs alone move the residual up to {moved}; biases they cannot hide: from {certain}")
+    return lines
 
 
 def _residual_lines(residual: ResidualReport) -> list[str]:

@@ -15,7 +15,7 @@ from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from monitor.behaviour import identify_output
-from monitor.certificate import DataReport
+from monitor.data_report import report_data
 from monitor.delayed.coordinates import represent, with_attacks
 from monitor.delayed.designing import DelayedOptions, design_for, refuse
 from monitor.errors import HistoryError
@@ -26,12 +26,9 @@ from monitor.rank import RankOptions, decide_rank
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
-    from numpy.typing import NDArray
-
     from monitor.delayed.coordinates import Representative
     from monitor.delayed.report import DelayedDesign
     from monitor.history import DataMatrices, History
-    from monitor.rank import RankDecision
 
 KIND = "delayed"
 
@@ -61,7 +58,11 @@ def design(history: History, options: Mapping[str, object]) -> DelayedDesign:
     Raises:
         MonitorError: an option that does not fit.
     """
-    chosen = parse_options(HistoryOptions, options, KIND)
+    return design_chosen(history, parse_options(HistoryOptions, options, KIND))
+
+
+def design_chosen(history: History, chosen: HistoryOptions) -> DelayedDesign:
+    """Design with options that are checked already."""
     try:
         data = data_matrices(history)
         C = identify_output(data)
@@ -75,7 +76,7 @@ def design(history: History, options: Mapping[str, object]) -> DelayedDesign:
         )
     except HistoryError as error:
         return refuse(KIND, str(error))
-    report = _report(history, data, decision)
+    report = report_data(history, data, decision)
     if decision.unknown_inputs is None:
         return refuse(KIND, decision.reason, report)
     if not all(0 <= channel < len(C) for channel in chosen.attacked):
@@ -97,30 +98,3 @@ def _with_fit(made: DelayedDesign, data: DataMatrices, found: Representative) ->
     share = float(np.linalg.norm(misfit) / np.linalg.norm(data.X_f))
     dynamics = replace(made.certificate.dynamics, kernel_residual=share)
     return replace(made, certificate=replace(made.certificate, dynamics=dynamics))
-
-
-def _report(history: History, data: DataMatrices, decision: RankDecision) -> DataReport:
-    n, m, m_d = history.states, history.inputs, decision.unknown_inputs
-    return DataReport(
-        states=n,
-        known_inputs=m,
-        outputs=history.outputs,
-        experiments=data.experiments,
-        columns=data.columns,
-        dropped=data.dropped,
-        sampling_period_sec=history.sampling_period_sec,
-        unknown_inputs=m_d,
-        rank=None if m_d is None else 2 * m + n + m_d,
-        rank_basis=decision.basis.value,
-        rank_confidence=decision.confidence,
-        rank_reason=decision.reason,
-        exciting=m_d is not None,
-        excitation=decision.excitation,
-        innovation_values=decision.innovation_values,
-        singular_values=_singular_values(data),
-    )
-
-
-def _singular_values(data: DataMatrices) -> NDArray[np.float64]:
-    regressors = np.vstack([data.U_p, data.Y_p, data.X_p, data.U_f, data.Y_f])
-    return np.asarray(np.linalg.svd(regressors, compute_uv=False), dtype=np.float64)

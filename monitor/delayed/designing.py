@@ -11,15 +11,16 @@ from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from monitor.acceptor import unobservable
-from monitor.certificate import Certificate
-from monitor.delayed.bounds import ErrorResponse, certify, respond
+from monitor.certificate import Certificate, Guarantee, smallest_crossing
+from monitor.delayed.bounds import ErrorResponse, certify, residual_response, respond
 from monitor.delayed.decoupling import Decoupling, decouple
 from monitor.delayed.model import window_of
 from monitor.delayed.performance import optimise
 from monitor.delayed.realisation import ConstantInput, realise, realise_input
-from monitor.delayed.report import DelayedDesign, Guarantee
+from monitor.delayed.report import DelayedDesign
 from monitor.input_reconstruction.uncertainty import noise_gain
 from monitor.sight import measure_dynamics, measure_residual
+from monitor.wording import sees
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -29,7 +30,6 @@ if TYPE_CHECKING:
 
 _STARTS = 20  # directions from which the worst input is searched
 _SCHUR = 1.0 - 1e-9
-_BLIND = "; BLIND to every falsification: for its estimates only"
 
 
 class Goal(Enum):
@@ -91,17 +91,27 @@ def design_for(
     if dynamics.spectral_radius >= _SCHUR:
         return refuse(kind, f"no stable gain is found: spectral radius {dynamics.spectral_radius:.4g}", data)
     observer = realise(model, window, L)
-    guarantee = _guarantee(model, window, L, H, exact=exact)
-    guarantee = replace(guarantee, gained_rank=decoupling.gained_rank, needed_rank=decoupling.needed_rank, unit=unit)
     residual = measure_residual(observer, np.full(len(model.C), options.threshold))
-    blind = _BLIND if residual.blind else ""
+    guarantee = _guarantee(model, window, L, H, exact=exact)
+    moved = np.zeros(len(model.C)) if exact else residual_response(model, window, L)
+    guarantee = replace(
+        guarantee,
+        decay=dynamics.spectral_radius,
+        gained_rank=decoupling.gained_rank,
+        needed_rank=decoupling.needed_rank,
+        residual_bound=moved,
+        certain_bias=smallest_crossing(residual.dc_gain, 2.0 * moved),
+        unit=unit,
+    )
     certificate = Certificate(
         kind=kind,
         accepted=True,
-        verdict=_verdict(guarantee, dynamics.convergence_steps) + blind,
+        verdict=f"{_verdict(guarantee, dynamics.convergence_steps)}; {sees(residual)}",
         data=data,
         dynamics=dynamics,
         residual=residual,
+        lag=observer.lag,
+        guarantee=guarantee,
         matrices={"Q": model.A - L @ window.Theta, "L": L, "Theta": window.Theta, "Gamma": window.Gamma},
     )
     inputs = realise_input(model, window, L)
@@ -110,7 +120,6 @@ def design_for(
         observer=ConstantInput(observer) if constant else observer,
         input_observer=ConstantInput(inputs) if constant else inputs,
         certificate=certificate,
-        guarantee=guarantee,
         model=model,
         L=L,
         input_noise_gain=noise_gain(inputs),
@@ -120,7 +129,7 @@ def design_for(
 def refuse(kind: str, reason: str, data: DataReport | None = None) -> DelayedDesign:
     """A design that did not come about, with the reason in one line."""
     certificate = Certificate(kind=kind, accepted=False, verdict=f"refused: {reason}", data=data)
-    return DelayedDesign(kind=kind, observer=None, input_observer=None, certificate=certificate, guarantee=None)
+    return DelayedDesign(kind=kind, observer=None, input_observer=None, certificate=certificate)
 
 
 def _gain(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from monitor.delayed.model import Model, Window
     from monitor.linear import Component, Vector
-    from monitor.observers.protocol import Estimate
+    from monitor.observers.protocol import Estimate, Observer
 
 
 def realise(model: Model, window: Window, L: NDArray[np.float64]) -> LinearObserver:
@@ -39,7 +39,16 @@ def realise(model: Model, window: Window, L: NDArray[np.float64]) -> LinearObser
     else:
         J = J + direct
     return LinearObserver(
-        A=A, B=B, M=M, D=D, H=H, J=J, Z=_start(model, delay), inputs=model.B_u.shape[1], outputs=len(model.C)
+        A=A,
+        B=B,
+        M=M,
+        D=D,
+        H=H,
+        J=J,
+        Z=_start(model, delay),
+        inputs=model.B_u.shape[1],
+        outputs=len(model.C),
+        lag=picked,
     )
 
 
@@ -57,9 +66,7 @@ def realise_input(model: Model, window: Window, L: NDArray[np.float64]) -> Linea
     u, y = np.split(sample, [model.B_u.shape[1]])
     whole = inverse @ np.vstack([advance - model.A @ now - model.B_u @ u, y - model.C @ now - model.D_u @ u])
     M, D = np.split(whole, [state.order], axis=1)
-    return LinearObserver(
-        A=state.A, B=state.B, M=M, D=D, H=state.H, J=state.J, Z=state.Z, inputs=state.inputs, outputs=state.outputs
-    )
+    return replace(state, M=M, D=D, lag=window.delay)
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,7 +77,7 @@ class ConstantInput:
         inner: the observer with that input.
     """
 
-    inner: LinearObserver
+    inner: Observer
 
     @property
     def inputs(self) -> int:
@@ -86,6 +93,11 @@ class ConstantInput:
     def states(self) -> int:
         """Number of estimated components."""
         return self.inner.states
+
+    @property
+    def lag(self) -> int:
+        """Steps by which the estimate lags the newest sample."""
+        return self.inner.lag
 
     def init(self, u: Sequence[Component], y: Sequence[Component]) -> Vector:
         """State before the first sample is used."""

@@ -125,17 +125,23 @@ class NoiseBoundDetector:
 
 
 def _response(observer: Observer, noise: tuple[float, ...], *, first: bool) -> Iterator[list[Component]]:
-    """|residual| at each sample after an impulse of the noise's size on every output, added up over the outputs."""
+    """|residual| at each sample after an impulse of the noise's size on every output, added up over the outputs.
+
+    What the residual does without any impulse is subtracted: an observer around an operating point is affine.
+    """
     outputs = observer.outputs
     known = (0.0,) * observer.inputs
     quiet = (0.0,) * outputs
     impulses = [tuple(size if one == output else 0.0 for one in range(outputs)) for output, size in enumerate(noise)]
     states = [observer.init(known, impulse if first else quiet) for impulse in impulses]
+    calm_state = observer.init(known, quiet)
     for step in range(_LONGEST):
         total: list[Component] = [0.0] * outputs
+        calm_state, calm = observer.step(calm_state, known, quiet)
         for output, impulse in enumerate(impulses):
             states[output], estimate = observer.step(states[output], known, quiet if step else impulse)
-            total = [summed + abs(one) for summed, one in zip(total, estimate.residual, strict=True)]
+            moved = [one - still for one, still in zip(estimate.residual, calm.residual, strict=True)]
+            total = [summed + abs(one) for summed, one in zip(total, moved, strict=True)]
         yield total
 
 

@@ -1,5 +1,6 @@
 """Unknown inputs reconstructed from outputs alone (Shi, Lian and Jones: UIE)."""
 
+from monitor.input_reconstruction.applied import applied_as_inputs
 from monitor.input_reconstruction.attacks import with_attack
 from monitor.input_reconstruction.designing import CLOSED_LOOP, OPEN_LOOP, Fit, InputOptions, Poles, design
 from monitor.input_reconstruction.realisation import Gains, impose, realise
@@ -14,6 +15,7 @@ __all__ = [
     "InputOptions",
     "InputReport",
     "Poles",
+    "applied_as_inputs",
     "design",
     "impose",
     "realise",

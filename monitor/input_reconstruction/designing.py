@@ -22,6 +22,7 @@ from monitor.input_reconstruction.windows import Windows, cut_windows
 from monitor.input_reconstruction.zeros import invariant_zeros, invisible_below
 from monitor.options import parse_options
 from monitor.sight import measure_dynamics, measure_residual
+from monitor.wording import sees
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -215,11 +216,12 @@ def _finish(
         f"{dynamics.convergence_steps} steps (radius {radius:.3g}); rank {report.rank_basis}"
     )
     residual = measure_residual(observer, np.full(observer.outputs, options.threshold))
-    blind = "; its residual is BLIND to every falsification" if residual.blind else ""
     certificate = Certificate(
         kind=kind,
         accepted=True,
-        verdict=verdict + blind,
+        verdict=f"{verdict}; residual: {sees(residual)}",
+        lag=observer.lag,
+        method=report,
         dynamics=dynamics,
         residual=residual,
         matrices=matrices,
@@ -228,5 +230,5 @@ def _finish(
 
 
 def _refused(kind: str, report: InputReport, reason: str) -> InputDesign:
-    certificate = Certificate(kind=kind, accepted=False, verdict=f"refused: {reason}")
+    certificate = Certificate(kind=kind, accepted=False, verdict=f"refused: {reason}", method=report)
     return InputDesign(kind=kind, observer=None, certificate=certificate, report=report)

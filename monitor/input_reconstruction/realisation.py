@@ -80,7 +80,16 @@ def realise(gains: Gains) -> LinearObserver:
     pick = slice(inputs - m, inputs)
     Z = np.vstack([np.zeros((inputs, p)), np.tile(np.eye(p), (length - 1, 1))])
     return LinearObserver(
-        A=A, B=B, M=A[pick], D=B[pick], H=residual[:, :-p], J=residual[:, -p:], Z=Z, inputs=0, outputs=p
+        A=A,
+        B=B,
+        M=A[pick],
+        D=B[pick],
+        H=residual[:, :-p],
+        J=residual[:, -p:],
+        Z=Z,
+        inputs=0,
+        outputs=p,
+        lag=gains.future - 1,
     )
 
 

@@ -48,6 +48,20 @@ class InputReport:
     zeros: NDArray[np.complex128] | None = None
     noise_gain: NDArray[np.float64] | None = None
 
+    def lines(self) -> list[str]:
+        """The report as lines of text for a terminal."""
+        rank = "undecided" if self.rank is None else f"{self.rank} (order {self.order})"
+        windows = f"{self.columns} windows, {self.dropped} dropped"
+        sized = f"{self.past} samples past, {self.delay} steps late; {windows}"
+        lines = [f"inputs: {sized}; rank {rank}, {self.rank_basis or 'not reached'}"]
+        if self.visibility is not None:
+            zeros = "none" if self.zeros is None or not len(self.zeros) else ", ".join(f"{z:.4g}" for z in self.zeros)
+            lines.append(f"existence: visibility {self.visibility:.3g}, invariant zeros {zeros}")
+        if self.noise_gain is not None and self.fit is not None:
+            spread = ", ".join(f"{one:.3g}" for one in self.uncertainty(1.0))
+            lines.append(f"reconstructed inputs: misfit {self.fit:.2g}; standard deviations under unit noise {spread}")
+        return lines
+
     def uncertainty(self, noise_std: float) -> NDArray[np.float64]:
         """Standard deviation (m,) of every reconstructed input for white noise of this deviation on every output.
 

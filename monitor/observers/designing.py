@@ -10,7 +10,8 @@ from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from monitor.acceptor import regress, solve, unstable_fixed_modes
-from monitor.certificate import Certificate, DataReport
+from monitor.certificate import Certificate
+from monitor.data_report import report_data
 from monitor.errors import HistoryError
 from monitor.freedom import FreedomOptions, Problem, Refusal, Strategy, choose
 from monitor.history import data_matrices
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
     from monitor.acceptor import Acceptors
     from monitor.behaviour import Behaviour
+    from monitor.certificate import DataReport
     from monitor.history import DataMatrices, History
     from monitor.observers.linear_observer import LinearObserver
     from monitor.rank import RankDecision
@@ -91,7 +93,7 @@ def design_uio(history: History, options: DesignOptions, shape: Shape) -> Design
         _check_lengths(history, options)
         data = data_matrices(history)
         decision = decide_rank(data, _rank_options(options))
-        report = _report(history, data, decision)
+        report = report_data(history, data, decision)
         draft = replace(draft, data=report)
         if decision.unknown_inputs is None:
             return _refuse(draft, decision.reason)
@@ -184,30 +186,6 @@ def _subspace_error(decision: RankDecision) -> float:
         return _ROUNDING
     weakest = values[m_d - 1] if m_d else values[0] + 1.0
     return max(_ROUNDING, min(_NOISE_SAFETY * float(values[m_d] / weakest), 0.1))
-
-
-def _report(history: History, data: DataMatrices, decision: RankDecision) -> DataReport:
-    n, m = history.states, history.inputs
-    S = np.vstack([data.U_p, data.Y_p, data.X_p, data.U_f, data.Y_f])
-    m_d = decision.unknown_inputs
-    return DataReport(
-        states=n,
-        known_inputs=m,
-        outputs=history.outputs,
-        experiments=data.experiments,
-        columns=data.columns,
-        dropped=data.dropped,
-        sampling_period_sec=history.sampling_period_sec,
-        unknown_inputs=m_d,
-        rank=None if m_d is None else 2 * m + n + m_d,
-        rank_basis=decision.basis.value,
-        rank_confidence=decision.confidence,
-        rank_reason=decision.reason,
-        exciting=m_d is not None,
-        excitation=decision.excitation,
-        innovation_values=decision.innovation_values,
-        singular_values=np.asarray(np.linalg.svd(S, compute_uv=False), dtype=np.float64),
-    )
 
 
 def _kernel_residual(data: DataMatrices, selection: NDArray[np.float64], W: NDArray[np.float64]) -> float:

@@ -32,6 +32,7 @@ class LinearObserver:
         Z: (q, m + p) start: the first estimate is the pseudo-inverse guess, y_0 itself for C = I.
         inputs: m.
         outputs: p.
+        lag: steps by which the estimate lags the newest sample.
     """
 
     A: NDArray[np.float64]
@@ -43,6 +44,7 @@ class LinearObserver:
     Z: NDArray[np.float64]
     inputs: int
     outputs: int
+    lag: int = 0
     _start: Matrix = field(init=False, repr=False, compare=False)
     _whole: Matrix = field(init=False, repr=False, compare=False)
 

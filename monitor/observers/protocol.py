@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple, Protocol
+
+from monitor.wording import blind_reason
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -16,7 +18,7 @@ class Estimate(NamedTuple):
     """What an observer concludes at one step.
 
     Attributes:
-        estimate: xhat_t, n components, units of x.
+        estimate: xhat_t-lag, n components, units of x; lag is a property of the observer.
         residual: r_t, p components, units of y; zero on every trajectory of the plant once the start has died out.
     """
 
@@ -39,11 +41,15 @@ class Observer(Protocol):
     def states(self) -> int:
         """Number n of states it estimates."""
 
+    @property
+    def lag(self) -> int:
+        """Steps by which the estimate lags the newest sample: at step t it is of x_t-lag."""
+
     def init(self, u: Sequence[Component], y: Sequence[Component]) -> Vector:
         """State before the first sample is used."""
 
     def step(self, state: Vector, u: Sequence[Component], y: Sequence[Component]) -> tuple[Vector, Estimate]:
-        """Estimate x_t and the residual from the samples up to t, and advance."""
+        """Estimate x_t-lag and the residual from the samples up to t, and advance."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,3 +83,10 @@ class Design:
     def verdict(self) -> str:
         """One line in plain words."""
         return self.certificate.verdict
+
+    def unless_blind(self, *, allow: bool) -> Design:
+        """Turn a design whose residual shows nothing into a refusal, unless it is allowed for its estimate."""
+        if allow or not self.blind:
+            return self
+        verdict = f"refused: {blind_reason(self.certificate.data)}"
+        return replace(self, observer=None, certificate=replace(self.certificate, accepted=False, verdict=verdict))

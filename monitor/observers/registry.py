@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 from monitor.errors import MonitorError
 from monitor.history import sent_outputs
@@ -15,9 +16,24 @@ if TYPE_CHECKING:
     from monitor.history import History
     from monitor.observers.protocol import Design
 
+
+def _of(module: str, name: str = "design") -> Callable[[History, Mapping[str, object]], Design]:
+    """A design method whose module imports this package, so that it cannot be imported from here at the start."""
+
+    def design(history: History, options: Mapping[str, object]) -> Design:
+        method: Any = getattr(import_module(module), name)
+        made: Design = method(history, options)
+        return made
+
+    return design
+
+
 KINDS: dict[str, Callable[[History, Mapping[str, object]], Design]] = {
     full_order.KIND: full_order.design,
     reduced_order.KIND: reduced_order.design,
+    "delayed": _of("monitor.observers.delayed"),
+    "op_uie": _of("monitor.observers.uie", "design_open_loop"),
+    "cl_uie": _of("monitor.observers.uie", "design_closed_loop"),
 }
 
 
