@@ -136,8 +136,8 @@ class Guarantee:
         reached: limsup |H e| / sup |w_k| that the worst inputs found do reach.
         input_bound: guaranteed limsup |w^ - w| / sup |w_k| of the input reconstructed delta steps late.
         residual_bound: (p,) guaranteed limsup |r_i| / sup |w_k| without any attack; None unless known.
-        certain_bias: (p,) smallest constant bias on one component alone that no unknown input with |w_k| <= 1 can hide
-            for good, 2 residual_bound_i / |steady gain|; infinite when none is.
+        certain_bias: (p,) smallest constant bias on one component alone that crosses residual_bound at some step
+            whatever unknown inputs with |w_k| <= 1 do, 2 residual_bound_i / peak gain; infinite when none does.
         unit: what |w_k| = 1 means.
     """
 

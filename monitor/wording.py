@@ -94,7 +94,9 @@ def _guarantee_lines(guarantee: Guarantee) -> list[str]:
     ]
     if guarantee.residual_bound is not None and guarantee.certain_bias is not None:
         moved, certain = _numbers(guarantee.residual_bound), _numbers(guarantee.certain_bias)
-        lines.append(f"such inputs alone move the residual up to {moved}; biases they cannot hide: from {certain}")
+        lines.append(
+            f"such inputs alone move the residual up to {moved}; a bias is seen through them from {certain} on"
+        )
     return lines
 
 

@@ -78,20 +78,6 @@ def respond(model: Model, window: Window, L: NDArray[np.float64], H: NDArray[np.
     return ErrorResponse(G=np.array(terms))
 
 
-def residual_response(model: Model, window: Window, L: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Largest |r_i| / sup |w| in the limit without any attack, (p,): sum_l |row i of the response from w to r|.
-
-    r is y - C xhat of the estimate's instant, -C e + D w; the term of w's own instant is the one of lag delta - 1.
-    """
-    moved = -model.C @ respond(model, window, L, np.eye(len(model.A))).G
-    own = window.delay - 1
-    if own < 0:
-        moved = np.concatenate([model.D[None], moved])
-    else:
-        moved[own] += model.D
-    return np.asarray(np.linalg.norm(moved, axis=2).sum(axis=0))
-
-
 def certify(model: Model, window: Window, L: NDArray[np.float64], H: NDArray[np.float64]) -> tuple[float, float]:
     """Smallest mu with limsup |H e| <= sqrt(mu) sup |W| that C's LMI proves for this gain, and its a.
 

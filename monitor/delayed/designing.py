@@ -12,8 +12,9 @@ from pydantic.dataclasses import dataclass as checked_dataclass
 
 from monitor.acceptor import unobservable
 from monitor.certificate import Certificate, Guarantee, smallest_crossing
-from monitor.delayed.bounds import ErrorResponse, certify, residual_response, respond
+from monitor.delayed.bounds import ErrorResponse, certify, respond
 from monitor.delayed.decoupling import Decoupling, decouple
+from monitor.delayed.innovation import moved_by_inputs, residual_rows
 from monitor.delayed.model import window_of
 from monitor.delayed.performance import optimise
 from monitor.delayed.realisation import ConstantInput, realise, realise_input
@@ -25,7 +26,7 @@ from monitor.wording import sees
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from monitor.certificate import DataReport
+    from monitor.certificate import DataReport, ResidualReport
     from monitor.delayed.model import Model, Window
 
 _STARTS = 20  # directions from which the worst input is searched
@@ -90,23 +91,24 @@ def design_for(
     dynamics = measure_dynamics(model.A - L @ window.Theta, "dual_lqr" if exact else "lmi", 0.0, sampling_period_sec)
     if dynamics.spectral_radius >= _SCHUR:
         return refuse(kind, f"no stable gain is found: spectral radius {dynamics.spectral_radius:.4g}", data)
-    observer = realise(model, window, L)
+    R = residual_rows(window, len(model.C), exact=exact)
+    observer = realise(model, window, L, R)
     residual = measure_residual(observer, np.full(len(model.C), options.threshold))
     guarantee = _guarantee(model, window, L, H, exact=exact)
-    moved = np.zeros(len(model.C)) if exact else residual_response(model, window, L)
+    moved = np.zeros(len(model.C)) if exact else moved_by_inputs(model, window, L, R)
     guarantee = replace(
         guarantee,
         decay=dynamics.spectral_radius,
         gained_rank=decoupling.gained_rank,
         needed_rank=decoupling.needed_rank,
         residual_bound=moved,
-        certain_bias=smallest_crossing(residual.dc_gain, 2.0 * moved),
+        certain_bias=smallest_crossing(residual.peak_gain, 2.0 * moved),
         unit=unit,
     )
     certificate = Certificate(
         kind=kind,
         accepted=True,
-        verdict=f"{_verdict(guarantee, dynamics.convergence_steps)}; {sees(residual)}",
+        verdict=f"{_verdict(guarantee, dynamics.convergence_steps)}; {_sees(guarantee, residual)}",
         data=data,
         dynamics=dynamics,
         residual=residual,
@@ -114,7 +116,7 @@ def design_for(
         guarantee=guarantee,
         matrices={"Q": model.A - L @ window.Theta, "L": L, "Theta": window.Theta, "Gamma": window.Gamma},
     )
-    inputs = realise_input(model, window, L)
+    inputs = realise_input(model, window, observer)
     return DelayedDesign(
         kind=kind,
         observer=ConstantInput(observer) if constant else observer,
@@ -181,6 +183,17 @@ def _input_response(model: Model, window: Window, L: NDArray[np.float64]) -> Err
     earlier = np.concatenate([np.zeros_like(states[:1]), states])
     later = np.concatenate([states, np.zeros_like(states[:1])])
     return ErrorResponse(G=to_next @ later + to_now @ earlier)
+
+
+def _sees(guarantee: Guarantee, residual: ResidualReport) -> str:
+    """What the residual shows; when unknown inputs move it too, only what they cannot hide counts."""
+    moved, certain = guarantee.residual_bound, guarantee.certain_bias
+    if guarantee.exact or residual.blind or moved is None or certain is None:
+        return sees(residual)
+    biases = ", ".join(f"{bias:.3g}" for bias in certain)
+    return (
+        f"unknown inputs alone move the residual up to {np.max(moved):.3g}, biases below {biases} may hide behind them"
+    )
 
 
 def _verdict(guarantee: Guarantee, steps: int | None) -> str:

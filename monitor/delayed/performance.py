@@ -7,12 +7,14 @@ Then e' P e <= sup |W|^2 in the limit, so limsup |H e| <= sqrt(mu) sup |W_k:k+de
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 from warnings import catch_warnings, simplefilter
 
 import numpy as np
+
+from monitor.delayed.model import window_of
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -24,6 +26,7 @@ _STEP = 0.2  # of the grid
 _SMALLEST = 0.01
 _LARGEST = 0.99  # a -> 1 asks for a deadbeat error, where P grows without bound
 _REFINEMENTS = 7  # golden-section steps: a to about 0.01, where mu is flat
+_RANK = 1e-9  # relative: a state that is pushed less is not pushed
 _GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
 
 
@@ -75,6 +78,10 @@ class _Problem:
     def __init__(self, model: Model, window: Window, H: NDArray[np.float64]) -> None:
         """Build the constraints."""
         cp: Any = import_module("cvxpy")  # takes a second, which nodes that solve no LMI must not pay
+        scale, size = _reached(model, window.delay), float(np.linalg.norm(H, 2))
+        self._scale, self._size = scale, size
+        model, H = _scaled(model, scale), H * scale / size
+        window = window_of(model, window.delay)
         n, q = len(model.A), window.Gamma.shape[1]
         self._cp = cp
         self._a = cp.Parameter(nonneg=True)
@@ -109,4 +116,26 @@ class _Problem:
             L = np.linalg.solve(self._P.value, self._Y.value)
         except np.linalg.LinAlgError:
             return None
-        return Performance(L=np.asarray(L, dtype=np.float64), mu=float(max(self._mu.value, 0.0)), a=a)
+        mu = self._size**2 * float(max(self._mu.value, 0.0))
+        return Performance(L=np.asarray(self._scale[:, None] * L, dtype=np.float64), mu=mu, a=a)
+
+
+def _reached(model: Model, delay: int) -> NDArray[np.float64]:
+    """How far unknown inputs of norm 1 push every state within the window: the solver needs states of like size."""
+    pushed, power = [], model.B
+    for _ in range(len(model.A) + delay):
+        pushed.append(power)
+        power = model.A @ power
+    size = np.linalg.norm(np.hstack(pushed), axis=1)
+    return np.where(size > _RANK * np.max(size, initial=_RANK), size, 1.0)
+
+
+def _scaled(model: Model, scale: NDArray[np.float64]) -> Model:
+    """Model of x / scale."""
+    return replace(
+        model,
+        A=model.A * scale / scale[:, None],
+        B=model.B / scale[:, None],
+        C=model.C * scale,
+        B_u=model.B_u / scale[:, None],
+    )

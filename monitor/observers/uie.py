@@ -42,4 +42,5 @@ def _design(kind: str, history: History, options: Mapping[str, object]) -> Desig
     if found is None:
         return made.as_design()
     stateless = replace(found, M=np.zeros((0, found.order)), D=np.zeros((0, found.outputs)), lag=0)
-    return replace(made.as_design(), observer=stateless).unless_blind(allow=False)
+    certificate = replace(made.certificate, lag=0)
+    return replace(made.as_design(), observer=stateless, certificate=certificate).unless_blind(allow=False)

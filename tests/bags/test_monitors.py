@@ -5,11 +5,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from bags.convert import history_of, history_records
 from bags.monitors import RunMonitors, alarm_changes, design_monitors
 from bags.replay import histories_of
 from bags.run_record import RunRecord
+from dgu_sim.experiment import run_experiments
 from dgu_sim.grid import Link
 from dgu_sim.scenario import Scenario
+from dgu_sim.settings import ObserverSettings
 from monitor import detectors
 from monitor.history import Experiment, History
 from monitor.link_monitor import LinkMonitor
@@ -60,6 +63,28 @@ def test_stacked_monitors_have_the_bits_of_single_ones(
             for name in ("estimate", "residual", "threshold"):
                 assert np.array_equal(getattr(found, name), getattr(expected, name), equal_nan=True)
             assert (found.phase, found.alarm) == (int(expected.phase), bool(expected.alarm))
+
+
+@pytest.mark.parametrize(("kind", "options"), [("delayed", {"delay": 2}), ("cl_uie", {"future": 2})])
+def test_stacked_observers_of_other_kinds_have_the_bits_of_single_ones(
+    kind: str, options: dict[str, object], record: RunRecord, scenario: Scenario
+) -> None:
+    """Observers around an operating point, and those without a state estimate, step together with the same bits."""
+    chosen = scenario.monitor.model_copy(update={"observer": ObserverSettings(kind=kind, options=options)})
+    longer = scenario.model_copy(update={"history": scenario.history.model_copy(update={"samples": 60})})
+    histories = {dgu: history_of(history_records(dgu, run_experiments(longer, dgu))) for dgu in record.topics.dgus}
+    monitors = design_monitors(record.topics, chosen, histories)
+    assert [group.positions.tolist() for group in monitors.groups] == [[0, 1, 2, 3]]
+    _, found = monitors.run(monitors.init(), record.received[:80], record.delivered[:80])
+    detector = detectors.build(chosen.detector.kind, chosen.detector.options, scenario.sampling_period_sec)
+    for position, design in enumerate(monitors.designs):
+        single = LinkMonitor(observer=design.observer, detector=detector)
+        state = single.init()
+        for step in range(80):
+            sample = record.received[step, position].tolist()
+            state, expected = single.step(state, sample, bool(record.delivered[step, position]))
+            for name in ("estimate", "residual", "threshold"):
+                assert np.array_equal(getattr(found.at(step, position), name), getattr(expected, name), equal_nan=True)
 
 
 def test_accepted_links_step_together(monitors: RunMonitors) -> None:

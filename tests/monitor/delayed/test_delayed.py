@@ -105,12 +105,13 @@ def test_window_matrices_reproduce_every_trajectory(seed: int, delay: int, n: in
 @settings(max_examples=25, deadline=None)
 @given(seed=st.integers(0, 10**6), delay=st.integers(0, 2))
 def test_the_running_form_is_the_recursion_of_the_paper(seed: int, delay: int) -> None:
-    """Stepping sample by sample gives xhat_k+1 = Q xhat_k + L (Y - Gamma_u U) + B_u u_k, known inputs included."""
+    """Stepping gives xhat_k+1 = Q xhat_k + L (Y - Gamma_u U) + B_u u_k and r = R (Y - Gamma_u U - Theta xhat_k)."""
     generator = np.random.default_rng(seed)
     model = random_model(generator, 3, 1, 2)
     window = window_of(model, delay)
     L = 0.1 * generator.standard_normal((3, 2 * (delay + 1)))
-    observer = realise(model, window, L)
+    R = generator.standard_normal((2, 2 * (delay + 1)))
+    observer = realise(model, window, L, R)
     u, y = generator.standard_normal((12, 2)), generator.standard_normal((12, 2))
     state = observer.init(tuple(u[0]), tuple(y[0]))
     expected = np.array(state[:3])
@@ -122,9 +123,8 @@ def test_the_running_form_is_the_recursion_of_the_paper(seed: int, delay: int) -
         state, found = observer.step(state, tuple(u[step]), tuple(y[step]))
         shown = expected if delay else before
         assert np.allclose(np.array(found.estimate), shown, atol=1e-10)
-        at = step + (1 if delay else 0)
-        residual = y_all[at] - model.C @ shown - model.D_u @ u_all[at]
-        assert np.allclose(np.array(found.residual), residual, atol=1e-9)
+        innovation = Y - window.Gamma_u @ U - window.Theta @ before
+        assert np.allclose(np.array(found.residual), R @ innovation, atol=1e-9)
 
 
 @settings(max_examples=20, deadline=None)
