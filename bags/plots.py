@@ -11,9 +11,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
-from numpy.typing import NDArray
 
-from bags.report import measure
+from bags.outline import Outline, outline_of
 from bags.run_record import RunRecord
 
 # Okabe and Ito's palette, readable with any colour vision; its vermilion is kept for attacks and alarms
@@ -25,80 +24,79 @@ _MUTED: Final = "#777777"
 _STYLES: Final[tuple[tuple[float, tuple[float, ...]], ...]] = ((0, ()), (0, (5, 2)), (0, (1, 1)))
 _COMPONENTS: Final = ("$V$ [V]", "$I_t$ [A]", "$v$ [V s]")
 _PANELS_PER_ROW: Final = 4
-_MOST_POINTS: Final = 2000  # more than a picture has pixels in a panel
 _DPI: Final = 150
 _FLOOR: Final = 1e-16  # rounding of double precision: smaller residuals are drawn here
 
 
-def draw(record: RunRecord, folder: Path) -> tuple[Path, ...]:
+def draw(run: RunRecord | Outline, folder: Path) -> tuple[Path, ...]:
     """Draw a run into PNG files.
 
     Args:
-        record: The run.
+        run: The run, or its outline.
         folder: Where to; made if it does not exist.
 
     Returns:
         The files: states.png and residuals.png; none for a run without a complete step.
     """
-    if not record.steps:
+    outline = run if isinstance(run, Outline) else outline_of(run)
+    if not outline.steps:
         return ()
     folder.mkdir(parents=True, exist_ok=True)
-    figures = {"states.png": draw_states(record)}
-    if record.links:
-        figures["residuals.png"] = draw_residuals(record)
+    figures = {"states.png": draw_states(outline)}
+    if outline.run.links:
+        figures["residuals.png"] = draw_residuals(outline)
     for name, figure in figures.items():
         FigureCanvasAgg(figure)
         figure.savefig(folder / name, dpi=_DPI)
     return tuple(folder / name for name in figures)
 
 
-def draw_states(record: RunRecord) -> Figure:
+def draw_states(outline: Outline) -> Figure:
     """Voltage, current and secondary correction of every DGU over time."""
     figure = Figure(figsize=(9.0, 8.0), layout="constrained")
     upper, middle, lower = figure.subplots(3, 1, sharex=True)
     quantities = (
-        (upper, record.x[:, :, 0], "bus voltage $V$ [V]"),
-        (middle, record.x[:, :, 1], "filter current $I_t$ [A]"),
-        (lower, record.alpha, r"secondary correction $\alpha$ [V]"),
+        (upper, outline.x[:, :, 0], "bus voltage $V$ [V]"),
+        (middle, outline.x[:, :, 1], "filter current $I_t$ [A]"),
+        (lower, outline.alpha, r"secondary correction $\alpha$ [V]"),
     )
-    rows = _thinned(record.steps)
     for axes, values, label in quantities:
         _prepare(axes)
         axes.set_ylabel(label, color=_INK)
-        for position, _ in enumerate(record.topics.dgus):
+        for position, _ in enumerate(outline.run.topics.dgus):
             colour, style = _look(position)
-            axes.plot(record.time_sec[rows], values[rows, position], color=colour, linestyle=style, linewidth=1.3)
-        _shade(axes, [one for link in record.links for one in record.attack_intervals(link)], record)
-    mean = record.x[rows, :, 0].mean(axis=1)
-    upper.plot(record.time_sec[rows], mean, color=_INK, linewidth=1.6, linestyle=(0, (5, 2)))
+            axes.plot(outline.time_sec, values[:, position], color=colour, linestyle=style, linewidth=1.3)
+        _shade(axes, [one for link in outline.run.links for one in outline.attack_intervals(link)], outline)
+    mean = outline.x[:, :, 0].mean(axis=1)
+    upper.plot(outline.time_sec, mean, color=_INK, linewidth=1.6, linestyle=(0, (5, 2)))
     handles: list[Line2D | Patch] = []
-    for position, dgu in enumerate(record.topics.dgus):
+    for position, dgu in enumerate(outline.run.topics.dgus):
         colour, style = _look(position)
         handles.append(Line2D([], [], color=colour, linestyle=style, linewidth=1.6, label=f"DGU {dgu}"))
     handles.append(Line2D([], [], color=_INK, linestyle=(0, (5, 2)), linewidth=1.6, label="mean of all"))
-    if record.events:
+    if outline.run.events:
         handles.append(Patch(color=_ALERT, alpha=0.15, label="attack"))
     figure.legend(handles=handles, loc="outside upper center", ncols=min(len(handles), 8), frameon=False, fontsize=9)
     lower.set_xlabel("simulated time [s]", color=_INK)
-    lower.set_xlim(0.0, _end(record))
+    lower.set_xlim(0.0, _end(outline))
     return figure
 
 
-def draw_residuals(record: RunRecord) -> Figure:
+def draw_residuals(outline: Outline) -> Figure:
     """Residuals and thresholds of every monitored link, one panel each."""
-    count = len(record.links)
+    count = len(outline.run.links)
     columns = min(_PANELS_PER_ROW, count)
     rows = -(-count // columns)
     figure = Figure(figsize=(3.1 * columns + 0.6, 2.0 * rows + 1.1), layout="constrained")
     grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
-    low, high = _residual_range(record)
+    low, high = _residual_range(outline)
     for position in range(count):
         axes = grid[position // columns, position % columns]
         _prepare(axes)
-        _residual_panel(axes, record, position)
+        _residual_panel(axes, outline, position)
         axes.set_yscale("log")
         axes.set_ylim(low, high)
-        axes.set_xlim(0.0, _end(record))
+        axes.set_xlim(0.0, _end(outline))
         axes.xaxis.set_major_locator(MaxNLocator(5))
     for position in range(count, rows * columns):
         grid[position // columns, position % columns].remove()
@@ -116,9 +114,9 @@ def draw_residuals(record: RunRecord) -> Figure:
     return figure
 
 
-def _residual_panel(axes: Axes, record: RunRecord, position: int) -> None:
-    link = record.links[position]
-    intervals = record.attack_intervals(link)
+def _residual_panel(axes: Axes, outline: Outline, position: int) -> None:
+    link = outline.run.links[position]
+    intervals = outline.attack_intervals(link)
     title = f"{link.source} → {link.target}"
     axes.set_title(
         f"{title}   attacked" if intervals else title,
@@ -129,28 +127,25 @@ def _residual_panel(axes: Axes, record: RunRecord, position: int) -> None:
     if intervals:
         for spine in axes.spines.values():
             spine.set(color=_ALERT, linewidth=1.4, visible=True)
-    design = record.designs.get(link)
+    design = outline.run.designs.get(link)
     if design is None or not design.accepted:
         axes.text(0.5, 0.5, "not monitored", transform=axes.transAxes, ha="center", color=_MUTED, fontsize=9)
         return
-    _shade(axes, intervals, record)
-    magnitude = np.abs(record.residual[:, position])
-    for component in range(magnitude.shape[1]):
-        time, peaks = _peaks(record.time_sec, magnitude[:, component])
-        axes.plot(time, np.maximum(peaks, _FLOOR), color=_COLOURS[component], linewidth=1.0)
-    _draw_thresholds(axes, record, position)
-    alarm_sec = measure(record, position).alarm_sec
+    _shade(axes, intervals, outline)
+    for component, peaks in enumerate(outline.peaks[:, position].T):
+        axes.plot(outline.stretch_sec, np.maximum(peaks, _FLOOR), color=_COLOURS[component], linewidth=1.0)
+    _draw_thresholds(axes, outline, position)
+    alarm_sec = outline.metrics[position].alarm_sec
     if alarm_sec is not None:
         axes.plot([alarm_sec], [0.93], color=_ALERT, marker="v", markersize=7, transform=axes.get_xaxis_transform())
 
 
-def _draw_thresholds(axes: Axes, record: RunRecord, position: int) -> None:
-    rows = _thinned(record.steps)
-    limits = record.threshold[rows, position]
+def _draw_thresholds(axes: Axes, outline: Outline, position: int) -> None:
+    limits = outline.threshold[:, position]
     same = np.array_equal(limits, np.repeat(limits[:, :1], limits.shape[1], axis=1), equal_nan=True)
     for component in range(1 if same else limits.shape[1]):
         colour = _MUTED if same else _COLOURS[component]
-        axes.plot(record.time_sec[rows], limits[:, component], color=colour, linewidth=1.2, linestyle="--")
+        axes.plot(outline.time_sec, limits[:, component], color=colour, linewidth=1.2, linestyle="--")
 
 
 def _prepare(axes: Axes) -> None:
@@ -163,11 +158,10 @@ def _prepare(axes: Axes) -> None:
         axes.spines[side].set_color(_MUTED)
 
 
-def _shade(axes: Axes, intervals: Sequence[tuple[int, int]], record: RunRecord) -> None:
+def _shade(axes: Axes, intervals: Sequence[tuple[int, int]], outline: Outline) -> None:
     for start, stop in sorted(set(intervals)):
-        axes.axvspan(
-            start * record.sampling_period_sec, stop * record.sampling_period_sec, color=_ALERT, alpha=0.12, linewidth=0
-        )
+        period_sec = outline.run.sampling_period_sec
+        axes.axvspan(start * period_sec, stop * period_sec, color=_ALERT, alpha=0.12, linewidth=0)
 
 
 def _look(position: int) -> tuple[str, tuple[float, tuple[float, ...]]]:
@@ -175,25 +169,8 @@ def _look(position: int) -> tuple[str, tuple[float, tuple[float, ...]]]:
     return _COLOURS[position % len(_COLOURS)], _STYLES[position // len(_COLOURS) % len(_STYLES)]
 
 
-def _thinned(steps: int) -> NDArray[np.intp]:
-    """At most so many rows as there are pixels, the last one included."""
-    return np.unique(np.linspace(0, steps - 1, min(steps, _MOST_POINTS)).round().astype(np.intp))
-
-
-def _peaks(time: NDArray[np.float64], values: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The largest value of each of many short stretches: thinning must not hide a spike."""
-    length = -(-len(values) // _MOST_POINTS)
-    padded = np.full(-(-len(values) // length) * length, np.nan)
-    padded[: len(values)] = values
-    stretches = padded.reshape(-1, length)
-    known = np.isfinite(stretches).any(axis=1)
-    peaks = np.full(len(stretches), np.nan)
-    peaks[known] = np.nanmax(stretches[known], axis=1)
-    return time[::length], peaks
-
-
-def _residual_range(record: RunRecord) -> tuple[float, float]:
-    numbers = np.concatenate([np.abs(record.residual).ravel(), record.threshold.ravel()])
+def _residual_range(outline: Outline) -> tuple[float, float]:
+    numbers = np.concatenate([outline.peaks.ravel(), outline.threshold.ravel()])
     numbers = numbers[np.isfinite(numbers)]
     top = float(numbers.max(initial=1e-3))
     positive = numbers[numbers > _FLOOR]
@@ -201,5 +178,5 @@ def _residual_range(record: RunRecord) -> tuple[float, float]:
     return max(bottom / 3.0, _FLOOR / 3.0), top * 8.0
 
 
-def _end(record: RunRecord) -> float:
-    return max(record.steps, 1) * record.sampling_period_sec
+def _end(outline: Outline) -> float:
+    return max(outline.duration_sec, outline.run.sampling_period_sec)

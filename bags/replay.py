@@ -1,20 +1,26 @@
 """Fresh monitors on a recorded run: the same received outputs, the same or other observers and detectors."""
 
-from collections.abc import Sequence
-from dataclasses import replace
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING, final
 
 import numpy as np
+from numpy.typing import NDArray
 
 from bags.convert import design_record, history_of
 from bags.errors import BagError
-from bags.monitors import MonitorArrays, alarm_changes, design_monitors
+from bags.monitors import MonitorArrays, RunMonitors, alarm_changes, design_monitors
 from bags.origin import SCENARIO_ATTACHMENT
 from bags.reader import read_run
-from bags.records import AlarmRecord
+from bags.records import AlarmRecord, DesignRecord
 from bags.run_record import RunRecord
+from dgu_sim.grid import Link
 from dgu_sim.scenario import parse_scenario
 from monitor.history import History
+
+if TYPE_CHECKING:
+    from monitor.link_monitor import MonitorState
 
 _MONITOR_SECTION = "monitor."
 
@@ -35,7 +41,53 @@ def replay(run: RunRecord | Path, overrides: Sequence[str] = ()) -> RunRecord:
         dgu_sim.errors.ScenarioError: An override does not fit the scenario.
         monitor.errors.MonitorError: Unknown observer or detector, or options of theirs.
     """
-    record = run if isinstance(run, RunRecord) else read_run(run)
+    (record,) = replay_windows([run if isinstance(run, RunRecord) else read_run(run)], overrides)
+    return record
+
+
+def replay_windows(windows: Iterable[RunRecord], overrides: Sequence[str] = ()) -> Iterator[RunRecord]:
+    """As `replay`, for a run that is too long for the memory: each window as soon as it has been read.
+
+    Args:
+        windows: Consecutive windows from step 0 on.
+        overrides: As for `replay`.
+
+    Raises:
+        Exception: As `replay`, with the first window.
+    """
+    prepared: _Prepared | None = None
+    states: Sequence[MonitorState] = ()
+    alarm = np.zeros(0, dtype=np.bool_)
+    for window in windows:
+        if prepared is None:
+            prepared = _prepare(window, overrides)
+            states, alarm = prepared.monitors.init(), np.zeros(len(window.links), dtype=np.bool_)
+        states, outputs = prepared.monitors.run(states, window.received, window.delivered)
+        yield replace(
+            window,
+            phase=outputs.phase,
+            alarm=outputs.alarm,
+            estimate=outputs.estimate,
+            residual=outputs.residual,
+            threshold=outputs.threshold,
+            designs=prepared.designs,
+            alarms=_alarms(window, outputs, alarm),
+            attachments=prepared.attachments,
+        )
+        alarm = outputs.alarm[-1] if window.steps else alarm
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Prepared:
+    """What a replay designs before its first step."""
+
+    monitors: RunMonitors
+    designs: Mapping[Link, DesignRecord]
+    attachments: Mapping[str, bytes]
+
+
+def _prepare(record: RunRecord, overrides: Sequence[str]) -> _Prepared:
     for override in overrides:
         if not override.startswith(_MONITOR_SECTION):
             raise BagError(f"override {override!r}: a replay changes only {_MONITOR_SECTION}observer and .detector")
@@ -44,22 +96,12 @@ def replay(run: RunRecord | Path, overrides: Sequence[str] = ()) -> RunRecord:
     source = f"{record.path}/{SCENARIO_ATTACHMENT}"
     scenario = parse_scenario(record.scenario_text, source=source, overrides=overrides)
     monitors = design_monitors(record.topics, scenario.monitor, histories_of(record))
-    _, outputs = monitors.run(monitors.init(), record.received, record.delivered)
     designs = {
         link: design_record(design, link.source, link.target)
         for link, design in zip(record.links, monitors.designs, strict=True)
     }
-    return replace(
-        record,
-        phase=outputs.phase,
-        alarm=outputs.alarm,
-        estimate=outputs.estimate,
-        residual=outputs.residual,
-        threshold=outputs.threshold,
-        designs=designs,
-        alarms=_alarms(record, outputs),
-        attachments={**record.attachments, SCENARIO_ATTACHMENT: scenario.to_yaml().encode()},
-    )
+    attachments = {**record.attachments, SCENARIO_ATTACHMENT: scenario.to_yaml().encode()}
+    return _Prepared(monitors=monitors, designs=designs, attachments=attachments)
 
 
 def histories_of(record: RunRecord) -> dict[int, History]:
@@ -79,16 +121,15 @@ def histories_of(record: RunRecord) -> dict[int, History]:
     return found
 
 
-def _alarms(record: RunRecord, outputs: MonitorArrays) -> tuple[AlarmRecord, ...]:
-    quiet = np.zeros(len(record.links), dtype=np.bool_)
+def _alarms(window: RunRecord, outputs: MonitorArrays, before: NDArray[np.bool_]) -> tuple[AlarmRecord, ...]:
     return tuple(
         AlarmRecord(
-            step=row,
-            source=record.links[position].source,
-            monitor=record.links[position].target,
+            step=window.first_step + row,
+            source=window.links[position].source,
+            monitor=window.links[position].target,
             active=bool(outputs.alarm[row, position]),
             residual=tuple(outputs.residual[row, position].tolist()),
             threshold=tuple(outputs.threshold[row, position].tolist()),
         )
-        for row, position in alarm_changes(outputs.alarm, quiet, record.links)
+        for row, position in alarm_changes(outputs.alarm, before, window.links)
     )

@@ -6,14 +6,13 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any, final
 
-import numpy as np
-
+from bags.outline import Outline, outline_of
+from bags.records import DesignRecord
 from bags.run_record import RunRecord
 from bags.schema import dgu_name
 from bags.yaml_text import load
 from dgu_sim.grid import Link
-from monitor.detectors import Phase
-from monitor.metrics import LinkMetrics, link_metrics
+from monitor.metrics import LinkMetrics
 
 
 @final
@@ -92,28 +91,29 @@ class RunSummary:
         }
 
 
-def summary(record: RunRecord, bag: Path | None = None) -> RunSummary:
-    """Sum a run up.
+def summary(run: RunRecord | Outline, bag: Path | None = None) -> RunSummary:
+    """Put a run into a table.
 
     Args:
-        record: The run.
-        bag: What to give as the bag's path, if not the record's own.
+        run: The run, or its outline.
+        bag: What to give as the bag's path, if not the run's own.
     """
+    found = run if isinstance(run, Outline) else outline_of(run)
+    record = found.run
     scenario = _scenario(record)
     seed = scenario.get("seed")
+    rows = zip(record.links, found.metrics, strict=True)
     return RunSummary(
         scenario=str(scenario.get("name", "")),
         seed=seed if isinstance(seed, int) else None,
-        steps=record.steps,
-        duration_sec=record.steps * record.sampling_period_sec,
-        links=tuple(_link(record, position, link) for position, link in enumerate(record.links)),
+        steps=found.steps,
+        duration_sec=found.duration_sec,
+        links=tuple(_link(record.designs.get(link), link, metrics) for link, metrics in rows),
         bag=record.path if bag is None else bag,
     )
 
 
-def _link(record: RunRecord, position: int, link: Link) -> LinkSummary:
-    metrics = measure(record, position)
-    design = record.designs.get(link)
+def _link(design: DesignRecord | None, link: Link, metrics: LinkMetrics) -> LinkSummary:
     return LinkSummary(
         source=dgu_name(link.source),
         target=dgu_name(link.target),
@@ -128,22 +128,6 @@ def _link(record: RunRecord, position: int, link: Link) -> LinkSummary:
         monitored=design.accepted if design else False,
         observer=design.observer if design else "",
         verdict=design.verdict if design else "the bag holds no design",
-    )
-
-
-def measure(record: RunRecord, position: int) -> LinkMetrics:
-    """Metrics of the link at one position."""
-    settled = record.phase[:, position] > Phase.SETTLING.value
-    if not record.steps:
-        nothing = np.full((1, record.threshold.shape[2]), np.nan)
-        return link_metrics(np.zeros(1, dtype=np.bool_), nothing, (), record.sampling_period_sec, threshold=nothing)
-    return link_metrics(
-        record.alarm[:, position],
-        record.residual[:, position],
-        record.attack_intervals(record.links[position]),
-        record.sampling_period_sec,
-        threshold=record.threshold[:, position],
-        armed=settled,
     )
 
 

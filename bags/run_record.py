@@ -91,8 +91,14 @@ class RunRecord:
         """The scenario as YAML, "" when the bag holds none."""
         return self.attachments.get(SCENARIO_ATTACHMENT, b"").decode()
 
-    def attack_intervals(self, link: Link) -> tuple[tuple[int, int], ...]:
-        """Steps [start, stop) of the attacks on a link, by start; one without a stop ends behind the last row."""
+    def attack_intervals(self, link: Link, end: int | None = None) -> tuple[tuple[int, int], ...]:
+        """Steps [start, stop) of the attacks on a link, by start.
+
+        Args:
+            link: The link.
+            end: Where an attack without a stop ends; None: behind the last row.
+        """
+        end = self.end_step if end is None else end
         starts: dict[int, int] = {}
         intervals = []
         for event in self.events:
@@ -100,4 +106,4 @@ class RunRecord:
                 starts[event.attack] = event.step
             elif event.link == link and event.attack in starts:
                 intervals.append((starts.pop(event.attack), event.step))
-        return tuple(sorted([*intervals, *((start, self.end_step) for start in starts.values())]))
+        return tuple(sorted([*intervals, *((start, end) for start in starts.values())]))

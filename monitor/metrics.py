@@ -42,6 +42,106 @@ class LinkMetrics:
     threshold: NDArray[np.float64]
 
 
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkTally:
+    """What of one link's metrics is known after some of its steps: a run need not be in memory as a whole.
+
+    Attributes:
+        steps: how many there were.
+        alarm: the last verdict.
+        alarm_step: as in LinkMetrics.
+        false_alarms: as in LinkMetrics.
+        residual_before: as in LinkMetrics.
+        residual_after: as in LinkMetrics.
+        threshold: as in LinkMetrics.
+    """
+
+    steps: int
+    alarm: bool
+    alarm_step: int | None
+    false_alarms: int
+    residual_before: float
+    residual_after: float
+    threshold: NDArray[np.float64]
+
+
+def init_tally(outputs: int) -> LinkTally:
+    """Tally before the first step.
+
+    Args:
+        outputs: p, components of the residual.
+    """
+    nan = float("nan")
+    return LinkTally(
+        steps=0,
+        alarm=False,
+        alarm_step=None,
+        false_alarms=0,
+        residual_before=nan,
+        residual_after=nan,
+        threshold=np.full(outputs, nan),
+    )
+
+
+def add_steps(
+    tally: LinkTally,
+    alarm: NDArray[np.bool_],
+    residual: NDArray[np.float64],
+    attacks: Sequence[tuple[int, int]],
+    *,
+    threshold: NDArray[np.float64] | None = None,
+    armed: NDArray[np.bool_] | None = None,
+) -> LinkTally:
+    """Take the next steps of a link; arguments as those of `link_metrics`, attacks in steps of the whole run."""
+    steps = len(alarm)
+    if not steps:
+        return tally
+    under_attack = np.zeros(steps, dtype=bool)
+    for start, stop in attacks:
+        under_attack[max(start - tally.steps, 0) : max(stop - tally.steps, 0)] = True
+    onsets = alarm & ~np.concatenate([[tally.alarm], alarm[:-1]])
+    start_step = _start_step(attacks)
+    attacked_from = steps if start_step is None else min(max(start_step - tally.steps, 0), steps)
+    counted_from = 0 if start_step is None else attacked_from
+    alarms = np.flatnonzero(alarm[counted_from:])
+    alarm_step = tally.alarm_step
+    if alarm_step is None and len(alarms):
+        alarm_step = tally.steps + counted_from + int(alarms[0])
+    magnitude = np.abs(residual)
+    counted = magnitude if armed is None else np.where(armed[:, None], magnitude, np.nan)
+    return LinkTally(
+        steps=tally.steps + steps,
+        alarm=bool(alarm[-1]),
+        alarm_step=alarm_step,
+        false_alarms=tally.false_alarms + int(np.count_nonzero(onsets & ~under_attack)),
+        residual_before=float(np.fmax(tally.residual_before, _peak(counted[:attacked_from]))),
+        residual_after=float(np.fmax(tally.residual_after, _peak(magnitude[attacked_from:]))),
+        threshold=tally.threshold if threshold is None else np.array(threshold[-1]),
+    )
+
+
+def metrics_of(tally: LinkTally, attacks: Sequence[tuple[int, int]], sampling_period_sec: float) -> LinkMetrics:
+    """Metrics of the steps that were taken; arguments as those of `link_metrics`."""
+    start_step, alarm_step = _start_step(attacks), tally.alarm_step
+    start_sec = None if start_step is None else start_step * sampling_period_sec
+    alarm_sec = None if alarm_step is None else alarm_step * sampling_period_sec
+    delay_sec = None
+    if alarm_step is not None and start_step is not None:
+        delay_sec = (alarm_step - start_step) * sampling_period_sec
+    return LinkMetrics(
+        attacked=start_step is not None,
+        attack_start_step=start_step,
+        alarm_step=alarm_step,
+        attack_start_sec=start_sec,
+        alarm_sec=alarm_sec,
+        detection_delay_sec=delay_sec,
+        false_alarms=tally.false_alarms,
+        residual_before=tally.residual_before,
+        residual_after=tally.residual_after,
+        threshold=tally.threshold,
+    )
+
+
 def link_metrics(
     alarm: NDArray[np.bool_],
     residual: NDArray[np.float64],
@@ -61,32 +161,12 @@ def link_metrics(
         threshold: (steps, p), if it is to be reported.
         armed: (steps,) where residuals count; the settling of the observer is no residual before the attack.
     """
-    steps = len(alarm)
-    under_attack = np.zeros(steps, dtype=bool)
-    for start, stop in attacks:
-        under_attack[max(start, 0) : max(stop, 0)] = True
-    start_step = min((start for start, stop in attacks if stop > start), default=None)
-    onsets = alarm & ~np.concatenate([[False], alarm[:-1]])
-    alarms = np.flatnonzero(alarm[start_step or 0 :])
-    alarm_step = int(alarms[0]) + (start_step or 0) if len(alarms) else None
-    seen = start_step is not None and alarm_step is not None
-    start_sec = None if start_step is None else start_step * sampling_period_sec
-    alarm_sec = None if alarm_step is None else alarm_step * sampling_period_sec
-    counted = np.abs(residual) if armed is None else np.where(armed[:, None], np.abs(residual), np.nan)
-    return LinkMetrics(
-        attacked=start_step is not None,
-        attack_start_step=start_step,
-        alarm_step=alarm_step,
-        attack_start_sec=start_sec,
-        alarm_sec=alarm_sec,
-        detection_delay_sec=(alarm_step - start_step) * sampling_period_sec
-        if alarm_step is not None and start_step is not None
-        else None,
-        false_alarms=int(np.count_nonzero(onsets & ~under_attack)),
-        residual_before=_peak(counted[:start_step]),
-        residual_after=_peak(np.abs(residual[start_step:])) if seen or start_step is not None else float("nan"),
-        threshold=np.full(residual.shape[1], np.nan) if threshold is None else np.asarray(threshold[-1]),
-    )
+    tally = add_steps(init_tally(residual.shape[1]), alarm, residual, attacks, threshold=threshold, armed=armed)
+    return metrics_of(tally, attacks, sampling_period_sec)
+
+
+def _start_step(attacks: Sequence[tuple[int, int]]) -> int | None:
+    return min((start for start, stop in attacks if stop > start), default=None)
 
 
 def _peak(magnitude: NDArray[np.float64]) -> float:

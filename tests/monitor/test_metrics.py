@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
-from monitor.metrics import link_metrics
+from monitor.metrics import add_steps, init_tally, link_metrics, metrics_of
 
 
 def _flags(*steps: int) -> np.ndarray:
@@ -53,3 +57,20 @@ def test_residual_before_and_after() -> None:
     found = link_metrics(_flags(), residual, [(10, 20)], 0.01, threshold=threshold, armed=armed)
     assert (found.residual_before, found.residual_after) == (0.4, 2.0)
     assert found.threshold.tolist() == [0.5, 0.6]
+
+
+@given(
+    alarm=st.lists(st.booleans(), min_size=20, max_size=20),
+    cuts=st.sets(st.integers(0, 20)),
+    attack=st.tuples(st.integers(0, 20), st.integers(0, 20)),
+)
+def test_steps_in_pieces(alarm: list[bool], cuts: set[int], attack: tuple[int, int]) -> None:
+    """However a run is cut into pieces, its metrics are those of the whole."""
+    verdict, residual = np.array(alarm), np.sin(np.arange(40.0)).reshape(20, 2)
+    tally = init_tally(2)
+    ends = sorted({0, 20, *cuts})
+    for start, end in pairwise(ends):
+        rows = slice(start, end)
+        tally = add_steps(tally, verdict[rows], residual[rows], [attack], threshold=residual[rows])
+    whole = link_metrics(verdict, residual, [attack], 0.01, threshold=residual)
+    assert repr(metrics_of(tally, [attack], 0.01)) == repr(whole)

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
+from rich.progress import Progress
 from rich.table import Table
 
 from dcmg_bringup.errors import BringupError
@@ -18,9 +19,10 @@ from dcmg_nodes.options import NodeOptions, PacingMode
 from dgu_sim.scenario import load_scenario
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Iterator, Sequence
 
     from bags.report import RunSummary
+    from bags.run_record import RunRecord
     from dgu_sim.scenario import Scenario
 
 _EXIT_FAILED = 1
@@ -134,14 +136,16 @@ def simulate(options: ScenarioOptions, *, json: bool, plots: bool) -> int:
 
 def replay(bag: Path, *, overrides: Sequence[str], out: Path | None, json: bool) -> int:
     """Evaluate the recorded received outputs of a run again."""
-    from bags.plots import draw  # noqa: PLC0415 (heavy)
-    from bags.reader import read_run  # noqa: PLC0415
-    from bags.replay import replay as replay_run  # noqa: PLC0415
+    from bags.outline import outline  # noqa: PLC0415 (heavy)
+    from bags.plots import draw  # noqa: PLC0415
+    from bags.reader import open_run  # noqa: PLC0415
+    from bags.replay import replay_windows  # noqa: PLC0415
     from bags.report import summary  # noqa: PLC0415
 
-    record = replay_run(read_run(bag), overrides)
-    pictures = draw(record, out) if out is not None else ()
-    _print(summary(record, bag), pictures, json=json)
+    run = open_run(bag)
+    found = outline(_shown(replay_windows(run.windows(), overrides), run.steps, "replaying"), run.steps)
+    pictures = draw(found, out) if out is not None else ()
+    _print(summary(found, bag), pictures, json=json)
     return 0
 
 
@@ -216,17 +220,28 @@ def _say(line: str) -> None:
 
 def _show(bag: Path, plots_dir: Path | None, *, json: bool) -> None:
     """Read the bag back and show what it says: what a person sees is what is recorded."""
-    from bags.reader import read_run  # noqa: PLC0415 (heavy)
+    from bags.outline import outline  # noqa: PLC0415 (heavy)
+    from bags.reader import open_run  # noqa: PLC0415
     from bags.report import summary  # noqa: PLC0415
 
-    record = read_run(bag)
+    run = open_run(bag)
+    found = outline(_shown(run.windows(), run.steps, "reading"), run.steps)
     pictures: Sequence[Path] = ()
     if plots_dir is not None:
         from bags.plots import draw  # noqa: PLC0415 (heavy)
 
         with _messages.status("drawing"):
-            pictures = draw(record, plots_dir / _PLOTS)
-    _print(summary(record, bag), pictures, json=json)
+            pictures = draw(found, plots_dir / _PLOTS)
+    _print(summary(found, bag), pictures, json=json)
+
+
+def _shown(windows: Iterable[RunRecord], steps: int, what: str) -> Iterator[RunRecord]:
+    """Pass the windows of a run on, with a progress bar for as long as they last."""
+    with Progress(console=_messages, transient=True) as progress:
+        task = progress.add_task(what, total=steps)
+        for window in windows:
+            yield window
+            progress.update(task, completed=window.end_step)
 
 
 def _print(result: RunSummary, pictures: Sequence[Path], *, json: bool) -> None:
