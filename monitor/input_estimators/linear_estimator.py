@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from monitor.linear import Component, Vector
-    from monitor.observers.linear_observer import LinearObserver
+    from monitor.observers.protocol import Observer
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -21,7 +21,7 @@ class LinearInputEstimator:
         lag: samples by which dhat is behind.
     """
 
-    realisation: LinearObserver
+    realisation: Observer
     lag: int
 
     @property

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING
 
 from monitor.errors import HistoryError, MonitorError
 from monitor.history import sent_outputs
-from monitor.input_estimators import one_step
+from monitor.input_estimators import delayed, one_step, uie
 from monitor.input_estimators.protocol import EstimatorDesign
+from monitor.input_reconstruction import CLOSED_LOOP, OPEN_LOOP
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -17,6 +18,9 @@ if TYPE_CHECKING:
 
 KINDS: dict[str, Callable[[History, Mapping[str, object]], EstimatorDesign]] = {
     one_step.KIND: one_step.design,
+    "delayed": delayed.design,
+    OPEN_LOOP: uie.design_open_loop,
+    CLOSED_LOOP: uie.design_closed_loop,
 }
 
 
