@@ -11,7 +11,9 @@ from numpy.typing import NDArray
 MESSAGE_HEAD = struct.Struct("<BQHIQQ")
 MESSAGE_HEAD_LENGTH = 22  # what of the head counts into the record length
 # opcode, record length, channel id, length of the entries
-_MESSAGE_INDEX_HEAD = struct.Struct("<BQHI")
+INDEX_HEAD = struct.Struct("<BQHI")
+RECORD_HEAD_BYTES = 9  # opcode and length
+ENTRY_BYTES = 16  # log time and offset
 
 
 @final
@@ -71,10 +73,10 @@ class OpenChunk:
         counts: dict[int, int] = {}
         records = bytearray()
         for start, end in zip(starts, [*starts[1:], len(channel_ids)], strict=True):
-            channel_id, size = int(channel_ids[start]), 16 * (end - start)
+            channel_id, size = int(channel_ids[start]), ENTRY_BYTES * (end - start)
             offsets[channel_id], counts[channel_id] = position + len(records), end - start
-            records += _MESSAGE_INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + size, channel_id, size)
-            records += raw[16 * start : 16 * end]
+            records += INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + size, channel_id, size)
+            records += raw[ENTRY_BYTES * start : ENTRY_BYTES * end]
         return offsets, counts, bytes(records)
 
     def _gather(self) -> None:

@@ -15,7 +15,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel
 from numpy.typing import NDArray
 
-from bags.chunk import MESSAGE_HEAD, MESSAGE_HEAD_LENGTH
+from bags.chunk import INDEX_HEAD, MESSAGE_HEAD, MESSAGE_HEAD_LENGTH
 from bags.chunk_table import ChunkEntry
 from bags.errors import BagError
 from bags.expand import expand
@@ -28,7 +28,6 @@ from bags.yaml_text import load
 
 _CHUNK_HEAD = struct.Struct("<BQQQQII")  # opcode, length, times, size, check sum, letters of the compression
 _SIZE = struct.Struct("<Q")
-_INDEX_HEAD = struct.Struct("<BQHI")  # opcode, length, channel, bytes of the entries
 
 
 @final
@@ -229,13 +228,13 @@ def _offsets(raw: bytes, entry: ChunkEntry, wanted: Collection[int] | None) -> d
         if wanted is not None and channel_id not in wanted:
             continue
         at = place - entry.start
-        if not entry.length <= at <= len(raw) - _INDEX_HEAD.size:
+        if not entry.length <= at <= len(raw) - INDEX_HEAD.size:
             raise McapError(f"no message index of channel {channel_id} at byte {place}")
-        opcode, length, claimed, size = _INDEX_HEAD.unpack_from(raw, at)
-        end = at + _INDEX_HEAD.size + size
+        opcode, length, claimed, size = INDEX_HEAD.unpack_from(raw, at)
+        end = at + INDEX_HEAD.size + size
         if opcode != Opcode.MESSAGE_INDEX or claimed != channel_id or length != 6 + size or end > len(raw) or size % 16:
             raise McapError(f"the message index at byte {place} is damaged")
-        found[channel_id] = np.frombuffer(raw, dtype="<i8", count=size // 8, offset=at + _INDEX_HEAD.size)[1::2]
+        found[channel_id] = np.frombuffer(raw, dtype="<i8", count=size // 8, offset=at + INDEX_HEAD.size)[1::2]
     return found
 
 

@@ -8,7 +8,7 @@ its last complete chunk, and further while there is no room for the summary.
 
 import struct
 import zlib
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from enum import Enum
 from pathlib import Path
@@ -35,7 +35,7 @@ from mcap.records import (
 )
 from mcap.writer import LIBRARY_IDENTIFIER, MCAP0_MAGIC
 
-from bags.chunk import OpenChunk
+from bags.chunk import ENTRY_BYTES, INDEX_HEAD, RECORD_HEAD_BYTES, OpenChunk
 
 OURS = "dcmg; "  # who wrote a file: what we wrote can be checked more strictly
 _ZSTD_LEVEL = 1  # 1.5 times as fast as the default 3, and no larger on our data
@@ -56,11 +56,11 @@ class _Record(Protocol):
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Mark:
-    """What the file was before one of its chunks, so that the chunk can be taken back."""
+    """What the file was before one of its chunks, so that the chunk can be taken back; an hour has 30,000 of them."""
 
     position: int
     crc: int
-    counts: Mapping[int, int]  # messages in the chunk by channel id
+    length: int  # bytes of the chunk
     time_range_ns: tuple[int, int]
 
 
@@ -79,7 +79,7 @@ class McapFile:
         Raises:
             OSError: The file exists or cannot be created.
         """
-        self._stream = path.open("xb", buffering=0)
+        self._stream = path.open("x+b", buffering=0)
         self._position, self._crc = 0, 0
         self._marks: list[_Mark] = []
         self._compression = compression
@@ -192,7 +192,8 @@ class McapFile:
             uncompressed_size=len(chunk.buffer),
         )
         self._indexes[Opcode.CHUNK_INDEX].append(_encode(index))
-        self._marks.append(_Mark(position=offset, crc=crc, counts=counts, time_range_ns=(self._start_ns, self._end_ns)))
+        before = (self._start_ns, self._end_ns)
+        self._marks.append(_Mark(position=offset, crc=crc, length=len(record), time_range_ns=before))
         for channel_id, count in counts.items():
             self._counts[channel_id] += count
         self._start_ns, self._end_ns = min(self._start_ns, start_ns), max(self._end_ns, end_ns)
@@ -206,7 +207,7 @@ class McapFile:
             return False
         mark = self._marks.pop()
         self._indexes[Opcode.CHUNK_INDEX].pop()
-        for channel_id, count in mark.counts.items():
+        for channel_id, count in self._counts_behind(mark.position + mark.length):
             self._counts[channel_id] -= count
         self._start_ns, self._end_ns = mark.time_range_ns
         for kind in (Opcode.ATTACHMENT_INDEX, Opcode.METADATA_INDEX):
@@ -215,6 +216,16 @@ class McapFile:
             self._indexes[kind] = kept
         self._cut(mark.position, mark.crc)
         return True
+
+    def _counts_behind(self, position: int) -> Iterator[tuple[int, int]]:
+        """Channel and number of messages of each message index from a position on: keeping them would cost memory."""
+        while position < self._position:
+            self._stream.seek(position)
+            opcode, length, channel_id, size = INDEX_HEAD.unpack(self._stream.read(INDEX_HEAD.size))
+            if opcode != Opcode.MESSAGE_INDEX:
+                return
+            yield channel_id, size // ENTRY_BYTES
+            position += RECORD_HEAD_BYTES + length
 
     def finish(self, metadata: Mapping[str, Mapping[str, str]] | None = None) -> None:
         """Write summary and footer.

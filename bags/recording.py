@@ -1,10 +1,68 @@
-"""What of a run is recorded, and into how many files."""
+"""How a run is recorded: which topics, in what chunks, into how many files, and what if the disk is slow."""
 
 import re
-from dataclasses import dataclass
-from typing import final
+from dataclasses import dataclass, field
+from enum import Enum
+from typing import Final, final
 
 from bags.errors import BagError
+from bags.mcap_file import Compression
+
+
+class ChunkPreset(Enum):
+    """Sizes of chunks by name; what they are is in CHUNK_PRESETS."""
+
+    SAFE = "safe"
+    BALANCED = "balanced"
+    COMPACT = "compact"
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Chunks:
+    """When a chunk is closed and goes to the disk.
+
+    Attributes:
+        max_bytes: Once it holds this much, before compression.
+        max_age_sec: With the first message that comes this long (wall time) after its first one [s].
+    """
+
+    max_bytes: int
+    max_age_sec: float
+
+
+# the age is what a kill costs; a full chunk keeps the disk, and who else uses the interpreter, busy for milliseconds
+CHUNK_PRESETS: Final = {
+    ChunkPreset.SAFE: Chunks(max_bytes=64 * 1024, max_age_sec=0.1),
+    ChunkPreset.BALANCED: Chunks(max_bytes=256 * 1024, max_age_sec=0.25),
+    ChunkPreset.COMPACT: Chunks(max_bytes=1024 * 1024, max_age_sec=0.5),
+}
+
+
+class WhenFull(Enum):
+    """What happens when the disk is slower than the run for so long that the buffer is full."""
+
+    WAIT = "wait"  # the run waits for the disk: nothing is lost
+    DROP = "drop"  # whole steps are left out, counted and reported: the run is never held up
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Buffer:
+    """What may wait for the disk in memory.
+
+    Attributes:
+        max_bytes: Bytes of closed chunks, before compression.
+        when_full: What happens beyond.
+    """
+
+    max_bytes: int = 64 * 1024 * 1024
+    when_full: WhenFull = WhenFull.WAIT
+
+    def __post_init__(self) -> None:
+        """Raise BagError for a buffer that holds nothing."""
+        if self.max_bytes <= 0:
+            raise BagError(f"max_bytes of the buffer is {self.max_bytes}, expected a positive number")
 
 
 @final
@@ -65,3 +123,23 @@ class TopicFilter:
         """Whether a topic is recorded."""
         wanted = any(re.fullmatch(pattern, topic) for pattern in self.include)
         return wanted and not any(re.fullmatch(pattern, topic) for pattern in self.exclude)
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Recording:
+    """Everything that can be chosen about a recording.
+
+    Attributes:
+        compression: Of the chunks.
+        chunks: Their size.
+        split: When to go on in another file.
+        topics: What is recorded.
+        buffer: What may wait for the disk.
+    """
+
+    compression: Compression = Compression.ZSTD
+    chunks: ChunkPreset = ChunkPreset.SAFE
+    split: Split = field(default_factory=Split)
+    topics: TopicFilter = field(default_factory=TopicFilter)
+    buffer: Buffer = field(default_factory=Buffer)

@@ -1,28 +1,25 @@
 """Recording a run: a rosbag2 directory with MCAP files and metadata.yaml."""
 
 import time
-from collections.abc import Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
 from typing import final
 
 import numpy as np
 from mcap.opcode import Opcode
-from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
 from numpy.typing import NDArray
 
 from bags.blocks import BlockFormat, block_format, head_field
+from bags.buffer import ChunkBuffer
 from bags.chunk import MESSAGE_HEAD, MESSAGE_HEAD_LENGTH, OpenChunk
 from bags.errors import BagError
-from bags.mcap_file import Compression, McapFile
-from bags.metadata import BagInfo, FileEntry, TopicEntry, offered_qos_text, write_metadata
-from bags.recording import Split, TopicFilter
-from bags.topic import Topic
-from bags.typestore import schema_text, type_hash
+from bags.file_series import FileSeries
+from bags.mcap_file import Compression
+from bags.recording import CHUNK_PRESETS, Buffer, ChunkPreset, Recording, Split, TopicFilter, WhenFull
+from bags.topic import Topic, TopicKind
 
-CHUNK_BYTES = 64 * 1024
-MAX_CHUNK_AGE_SEC = 0.1  # so that a recording killed after 10 s keeps 99 %
+_SAFE = CHUNK_PRESETS[ChunkPreset.SAFE]
 
 
 @final
@@ -39,11 +36,12 @@ class BagWriter:
         topics: Sequence[Topic],
         *,
         compression: Compression = Compression.ZSTD,
-        chunk_bytes: int = CHUNK_BYTES,
-        max_chunk_age_sec: float | None = MAX_CHUNK_AGE_SEC,
+        chunk_bytes: int = _SAFE.max_bytes,
+        max_chunk_age_sec: float | None = _SAFE.max_age_sec,
         custom_data: Mapping[str, str] | None = None,
         split: Split | None = None,
         topic_filter: TopicFilter | None = None,
+        buffer: Buffer | None = None,
     ) -> None:
         """Create the directory and the head of its file.
 
@@ -57,6 +55,7 @@ class BagWriter:
             custom_data: Free texts for metadata.yaml.
             split: When to go on in another file; None: never.
             topic_filter: What to record; None: everything. Messages on other topics are taken and left out.
+            buffer: Write in a thread of its own behind a buffer of this kind; None: write at once.
 
         Raises:
             BagError: The path exists or cannot be made.
@@ -64,25 +63,21 @@ class BagWriter:
         self._path = path
         self._chunk_bytes = chunk_bytes
         self._max_age = float("inf") if max_chunk_age_sec is None else max_chunk_age_sec
-        self._custom = dict(custom_data or {})
-        self._schema_ids: dict[str, int] = {}
         self._topics: dict[str, Topic] = {}
         self._ignored: set[str] = set()
-        self._compression = compression
-        self._split = split or Split()
         self._filter = topic_filter or TopicFilter()
-        self._done: list[FileEntry] = []
-        self._done_counts: dict[int, int] = {}  # messages in complete files by channel id
-        self._channel_ids: dict[str, int] = {}
         self._sequences: dict[str, int] = {}
         self._chunk = OpenChunk()
         self._opened_at = time.monotonic()
-        self._open = True
-        with self._disk():
-            _make_directory(path)
-            self._file = McapFile(path / self._file_name(0), compression, Profile.ROS2)
+        self._closed = False
+        self._files = FileSeries(path, compression, split or Split())
+        self._files.note(custom_data or {})
         for topic in topics:
             self.add_topic(topic)
+        self._drops = buffer is not None and buffer.when_full is WhenFull.DROP
+        self._dropping = (-1, False)  # stamp of the latest step, and whether it is dropped
+        self._dropped: dict[str, int] = {}
+        self._buffer = None if buffer is None else ChunkBuffer(self._files.add_chunk, buffer.max_bytes)
 
     @property
     def path(self) -> Path:
@@ -94,8 +89,13 @@ class BagWriter:
         """Messages taken so far by topic name."""
         return dict(self._sequences)
 
+    @property
+    def dropped(self) -> Mapping[str, int]:
+        """Messages left out because the buffer was full, by topic name."""
+        return dict(self._dropped)
+
     def add_topic(self, topic: Topic) -> None:
-        """Announce a topic.
+        """Announce a topic, before the first message.
 
         Raises:
             BagError: It is announced already, or its type is unknown.
@@ -105,8 +105,7 @@ class BagWriter:
         if not self._filter.accepts(topic.name):
             self._ignored.add(topic.name)
             return
-        with self._disk():
-            self._announce(self._file, topic)
+        self._files.announce(topic)
         self._topics[topic.name] = topic
         self._sequences[topic.name] = 0
 
@@ -121,13 +120,17 @@ class BagWriter:
         Raises:
             BagError: The topic is not announced, the bag is closed, or the disk refuses.
         """
-        channel_id = self._channel_ids.get(topic)
-        if topic in self._ignored and self._open:
+        channel_id = self._files.channel_ids.get(topic)
+        if topic in self._ignored and self._files.open:
             return
-        if channel_id is None or not self._open:
+        if channel_id is None or not self._files.open:
+            if self._buffer is not None:
+                self._buffer.check()
             raise BagError(f"{self._path}: message on {topic}, expected {self._expectation()}")
         sequence = self._sequences[topic]
         self._sequences[topic] = sequence + 1
+        if self._drops and self._left_out(self._topics[topic], stamp_ns):
+            return
         length = MESSAGE_HEAD_LENGTH + len(data)
         head = MESSAGE_HEAD.pack(Opcode.MESSAGE, length, channel_id, sequence, stamp_ns, stamp_ns)
         now = time.monotonic()
@@ -139,7 +142,7 @@ class BagWriter:
 
     def format_of(self, topics: Sequence[Topic]) -> BlockFormat:
         """Format of the blocks that `write_block` takes."""
-        return block_format(topics, {**dict.fromkeys(self._ignored, 0), **self._channel_ids})
+        return block_format(topics, {**dict.fromkeys(self._ignored, 0), **self._files.channel_ids})
 
     def write_block(self, layout: BlockFormat, block: NDArray[np.void]) -> None:
         """Append many rows of messages.
@@ -151,7 +154,7 @@ class BagWriter:
         Raises:
             BagError: The bag is closed, or the disk refuses.
         """
-        if not self._open:
+        if not self._files.open:
             raise BagError(f"{self._path}: block of messages, expected {self._expectation()}")
         if self._ignored:
             layout, block = self._kept(layout, block)
@@ -185,11 +188,16 @@ class BagWriter:
         Raises:
             BagError: The disk refuses.
         """
-        with self._disk():
-            self._file.add_attachment(name, media_type, data)
+        if self._buffer is not None:
+            self._buffer.drain()
+        self._files.attach(name, data, media_type)
 
     def flush(self) -> None:
-        """Close the open chunk and hand all to the operating system."""
+        """Close the open chunk and hand it to the operating system, or to the buffer if there is one.
+
+        Raises:
+            BagError: The disk refuses.
+        """
         if self._chunk.buffer:
             self._close_chunk()
 
@@ -199,109 +207,29 @@ class BagWriter:
         Raises:
             BagError: The disk refuses.
         """
-        if not self._open:
+        if self._closed:
             return
+        self._closed = True
         try:
-            self.flush()
+            if self._files.open:
+                self.flush()
         finally:
-            if self._open:
-                self._finish()
+            self._finish()
 
     def _finish(self) -> None:
-        """Complete the bag; chunks are dropped from its end while there is no room for summary and metadata.
-
-        Raises:
-            BagError: Not even the summary of an empty file has room.
-        """
-        self._open = False
         try:
-            with self._disk():
-                while True:
-                    try:
-                        self._file.finish({"rosbag2": {"serialized_metadata": self._information()}})
-                        write_metadata(self._path, self._information())
-                    except OSError:
-                        if self._file.drop_last_chunk():
-                            continue
-                        if not self._done:
-                            raise
-                        self._drop_file()
-                        return
-                    else:
-                        return
+            if self._buffer is not None:
+                self._buffer.close()
         finally:
-            self._file.close()
-
-    def _drop_file(self) -> None:
-        """Give up the open file, for which there is no room, and describe those before it.
-
-        Raises:
-            OSError: The disk refuses.
-        """
-        self._file.close()
-        (self._path / self._file_name(len(self._done))).unlink()
-        counts = self._done_counts
-        entries = [TopicEntry.of(one, counts.get(self._channel_ids[name], 0)) for name, one in self._topics.items()]
-        write_metadata(self._path, BagInfo(files=self._done, topics=entries, custom=self._custom).to_yaml())
-
-    def _information(self) -> str:
-        """metadata.yaml of all files."""
-        counts = {
-            channel_id: count + self._done_counts.get(channel_id, 0) for channel_id, count in self._file.counts.items()
-        }
-        entries = [TopicEntry.of(topic, counts[self._channel_ids[name]]) for name, topic in self._topics.items()]
-        return BagInfo(files=[*self._done, self._file_entry()], topics=entries, custom=self._custom).to_yaml()
-
-    def _file_entry(self) -> FileEntry:
-        start_ns, end_ns = self._file.time_range_ns
-        name, count = self._file_name(len(self._done)), sum(self._file.counts.values())
-        return FileEntry(name=name, start_ns=start_ns, end_ns=end_ns, count=count)
-
-    def _file_name(self, number: int) -> str:
-        return f"{self._path.name}_{number}.mcap"
-
-    def _announce(self, file: McapFile, topic: Topic) -> None:
-        if topic.type_name not in self._schema_ids:
-            text = schema_text(topic.type_name).encode()
-            self._schema_ids[topic.type_name] = file.add_schema(topic.type_name, SchemaEncoding.ROS2, text)
-        metadata = {
-            "offered_qos_profiles": offered_qos_text(topic),
-            "topic_type_hash": type_hash(topic.type_name),
-        }
-        self._channel_ids[topic.name] = file.add_channel(
-            topic.name, MessageEncoding.CDR, self._schema_ids[topic.type_name], metadata
-        )
-
-    def _next_file(self) -> None:
-        """Complete the file and go on in another one with the same channels.
-
-        Raises:
-            OSError: The disk refuses; the file is as it was.
-        """
-        path = self._path / self._file_name(len(self._done) + 1)
-        following = McapFile(path, self._compression, Profile.ROS2)
-        try:
-            self._schema_ids.clear()
-            for topic in self._topics.values():
-                self._announce(following, topic)
-            entry, counts = self._file_entry(), self._file.counts
-            topics = [TopicEntry.of(topic, counts[self._channel_ids[name]]) for name, topic in self._topics.items()]
-            information = BagInfo(files=[entry], topics=topics, custom=self._custom).to_yaml()
-            self._file.finish({"rosbag2": {"serialized_metadata": information}})
-        except OSError:
-            following.close()
-            path.unlink()
-            raise
-        self._file.close()
-        self._file = following
-        self._done.append(entry)
-        for channel_id, count in counts.items():
-            self._done_counts[channel_id] = self._done_counts.get(channel_id, 0) + count
+            if self._files.open:
+                if self._dropped:
+                    self._files.note({"dropped_messages": str(sum(self._dropped.values()))})
+                self._files.finish()
 
     def _kept(self, layout: BlockFormat, block: NDArray[np.void]) -> tuple[BlockFormat, NDArray[np.void]]:
         """Format and rows without the topics that are not recorded."""
         topics = [topic for topic in layout.topics if topic.name not in self._ignored]
-        kept = block_format(topics, self._channel_ids)
+        kept = block_format(topics, self._files.channel_ids)
         rows = np.empty(len(block), dtype=kept.dtype)
         for name in kept.dtype.names or ():
             rows[name] = block[name]
@@ -319,33 +247,45 @@ class BagWriter:
 
     def _close_chunk(self) -> None:
         chunk, self._chunk = self._chunk, OpenChunk()
-        start_ns, _ = self._file.time_range_ns
-        try:
-            if sum(self._file.counts.values()) and self._split.due(self._file.size, start_ns, chunk.time_range_ns()[1]):
-                self._next_file()
-            self._file.add_chunk(chunk)
-        except OSError as error:
-            self._finish()
-            end_ns = max([self._file.time_range_ns[1], *(one.end_ns for one in self._done)])
-            count = sum(self._file.counts.values()) + sum(one.count for one in self._done)
-            raise BagError(
-                f"{self._path}: cannot write the bag ({error.strerror or error}); it is closed and valid up to "
-                f"{end_ns * 1e-9:g} s, {count} messages"
-            ) from error
+        if self._buffer is None:
+            self._files.add_chunk(chunk)
+        else:
+            self._buffer.put(chunk, wait=not self._drops)
+
+    def _left_out(self, topic: Topic, stamp_ns: int) -> bool:
+        """Whether the step that a message belongs to is dropped: decided with its first message, for all of them."""
+        if topic.kind is not TopicKind.PER_STEP:
+            return False
+        if stamp_ns != self._dropping[0]:
+            self._dropping = (stamp_ns, self._buffer is not None and self._buffer.full)
+        if not self._dropping[1]:
+            return False
+        self._dropped[topic.name] = self._dropped.get(topic.name, 0) + 1
+        return True
 
     def _expectation(self) -> str:
-        return "an announced topic" if self._open else "nothing more: the bag is closed"
-
-    @contextmanager
-    def _disk(self) -> Iterator[None]:
-        try:
-            yield
-        except OSError as error:
-            raise BagError(f"{self._path}: cannot write the bag ({error.strerror or error})") from error
+        return "an announced topic" if self._files.open else "nothing more: the bag is closed"
 
 
-def _make_directory(path: Path) -> None:
-    try:
-        path.mkdir(parents=True)
-    except FileExistsError:
-        raise BagError(f"{path}: exists already, expected the path of a bag to be made") from None
+def open_recording(path: Path, topics: Sequence[Topic], recording: Recording) -> BagWriter:
+    """A writer that takes messages while a run goes on.
+
+    Args:
+        path: The bag's directory; must not exist.
+        topics: Topics in the order of their channels.
+        recording: How they are recorded.
+
+    Raises:
+        BagError: The path exists or cannot be made.
+    """
+    chunks = CHUNK_PRESETS[recording.chunks]
+    return BagWriter(
+        path,
+        topics,
+        compression=recording.compression,
+        chunk_bytes=chunks.max_bytes,
+        max_chunk_age_sec=chunks.max_age_sec,
+        split=recording.split,
+        topic_filter=recording.topics,
+        buffer=recording.buffer,
+    )
