@@ -78,15 +78,6 @@ class ChunkBuffer:
         self._thread.join()
         self._raise_failure()
 
-    def check(self) -> None:
-        """Raise what the disk refused, once.
-
-        Raises:
-            BagError: The disk refused a chunk.
-        """
-        with self._changed:
-            self._raise_failure()
-
     def _raise_failure(self) -> None:
         failure, self._failure = self._failure, None
         if failure is not None:

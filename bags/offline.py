@@ -16,6 +16,7 @@ from bags.convert import design_record, history_of
 from bags.histories import histories_of_run
 from bags.monitors import MonitorArrays, alarm_changes, design_monitors
 from bags.origin import attach_origin
+from bags.recording import CHUNK_PRESETS, ChunkPreset, Recording
 from bags.records import HistoryRecord
 from bags.schema import RunTopics, run_topics
 from bags.topic import Topic
@@ -25,17 +26,25 @@ from dgu_sim.simulate import Block, simulate
 from monitor.observers import Design
 
 # few hundred steps a chunk: nobody waits for them to reach the disk, and larger chunks cost less
-_CHUNK_BYTES = 1024 * 1024
+_RECORDING = Recording(chunks=ChunkPreset.COMPACT)
 _BLOCK_STEPS = 500
 
 
-def simulate_to_bag(scenario: Scenario, path: Path, progress: Callable[[int], None] | None = None) -> Path:
+def simulate_to_bag(
+    scenario: Scenario,
+    path: Path,
+    progress: Callable[[int], None] | None = None,
+    recording: Recording = _RECORDING,
+    host: Mapping[str, object] | None = None,
+) -> Path:
     """Run a scenario from step 0 to its end and record it.
 
     Args:
         scenario: What to run.
         path: The bag's directory; must not exist.
         progress: Called with the number of steps done.
+        recording: How; chunks are closed by size only, and written at once, because nobody waits.
+        host: What `origin.host_facts` gave, if the bag is to say where it was made.
 
     Returns:
         The path.
@@ -49,8 +58,16 @@ def simulate_to_bag(scenario: Scenario, path: Path, progress: Callable[[int], No
     histories = {dgu: history_of(history) for dgu, history in records.items()}
     monitors = design_monitors(topics, scenario.monitor, histories)
     states, alarm = monitors.init(), np.zeros(len(topics.links), dtype=np.bool_)
-    with BagWriter(path, topics.all, chunk_bytes=_CHUNK_BYTES, max_chunk_age_sec=None) as writer:
-        attach_origin(writer, scenario)
+    with BagWriter(
+        path,
+        topics.all,
+        compression=recording.compression,
+        chunk_bytes=CHUNK_PRESETS[recording.chunks].max_bytes,
+        max_chunk_age_sec=None,
+        split=recording.split,
+        topic_filter=recording.topics,
+    ) as writer:
+        attach_origin(writer, scenario, host)
         _write_latched(writer, topics, records, monitors.designs)
         layout = writer.format_of(topics.per_step)
         for block in ahead(lambda: simulate(scenario, block_steps=_BLOCK_STEPS)):

@@ -1,19 +1,30 @@
 """What a bag says about its making: the scenario and the versions of what computed it."""
 
 import json
+import os
 import platform
+from collections.abc import Mapping
+from datetime import UTC, datetime
 from importlib.metadata import PackageNotFoundError, version
 
 from bags.writer import BagWriter
 from dgu_sim.scenario import Scenario
 
 SCENARIO_ATTACHMENT = "scenario.yaml"
+HOST_ATTACHMENT = "host.json"
 VERSIONS_ATTACHMENT = "versions.json"
 _PACKAGES = ("dcmg", "numpy", "scipy", "mcap", "rosbags")
 
 
-def attach_origin(writer: BagWriter, scenario: Scenario) -> None:
-    """Put the fully resolved scenario (seed included) and the versions into a bag.
+def attach_origin(writer: BagWriter, scenario: Scenario, host: Mapping[str, object] | None = None) -> None:
+    """Put the fully resolved scenario (seed included), the versions and the host into a bag.
+
+    What was designed from which history is in the messages of the run: `/dgu_i/history`, `/dgu_j/design/dgu_i`.
+
+    Args:
+        writer: Of the bag.
+        scenario: What is run.
+        host: What `host_facts` gave; None: two bags of equal runs are equal byte by byte, wherever they were made.
 
     Raises:
         BagError: The disk refuses.
@@ -21,6 +32,19 @@ def attach_origin(writer: BagWriter, scenario: Scenario) -> None:
     writer.attach(SCENARIO_ATTACHMENT, scenario.to_yaml().encode(), "application/yaml")
     versions = {"python": platform.python_version(), **{name: _version(name) for name in _PACKAGES}}
     writer.attach(VERSIONS_ATTACHMENT, json.dumps(versions, indent=1).encode(), "application/json")
+    if host is not None:
+        writer.attach(HOST_ATTACHMENT, json.dumps(dict(host), indent=1).encode(), "application/json")
+
+
+def host_facts() -> dict[str, object]:
+    """Where and when a bag is made."""
+    return {
+        "name": platform.node(),
+        "system": platform.platform(),
+        "machine": platform.machine(),
+        "processors": os.cpu_count(),
+        "started": datetime.now(tz=UTC).isoformat(timespec="seconds"),
+    }
 
 
 def _version(package: str) -> str:

@@ -50,6 +50,11 @@ class Run:
     attachments: Mapping[str, bytes]
     _container: Container
 
+    @property
+    def links(self) -> tuple[Link, ...]:
+        """The links, ordered by (target, source)."""
+        return self.topics.links
+
     def windows(self, steps: int = WINDOW_STEPS) -> Iterator[RunRecord]:
         """The run from its first step to its last, a window at a time; one empty window if it has no step.
 

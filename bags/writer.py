@@ -125,7 +125,7 @@ class BagWriter:
             return
         if channel_id is None or not self._files.open:
             if self._buffer is not None:
-                self._buffer.check()
+                self._buffer.drain()  # says why
             raise BagError(f"{self._path}: message on {topic}, expected {self._expectation()}")
         sequence = self._sequences[topic]
         self._sequences[topic] = sequence + 1

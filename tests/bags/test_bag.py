@@ -79,8 +79,9 @@ def test_export_round_trip(bag: Path, record: RunRecord, tmp_path: Path, form: T
         export(bag, tmp_path / "tables", form)
 
 
-def test_snippet_of_the_docs(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
-    """What docs/bags.md shows runs as it stands."""
-    (snippet,) = re.findall(r"```python\n(.*?)```", DOCS.read_text("utf-8"), re.DOTALL)
-    exec(snippet.replace("out/run", str(bag)), {})  # noqa: S102 - our own documentation
+def test_snippets_of_the_docs(bag: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """What docs/bags.md shows runs as it stands, one snippet after the other."""
+    names: dict[str, object] = {}
+    for snippet in re.findall(r"```python\n(.*?)```", DOCS.read_text("utf-8"), re.DOTALL):
+        exec(snippet.replace("out/run", str(bag)), names)  # noqa: S102 - our own documentation
     assert "/dgu_1/state dcmg_msgs/msg/State 240" in capsys.readouterr().out

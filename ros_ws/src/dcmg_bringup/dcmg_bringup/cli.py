@@ -12,11 +12,24 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # our matrices are small; a 
 import typer
 
 from bags.errors import BagError
+from bags.recording import ChunkPreset
 from dcmg_bringup import attack_commands, bag_commands, import_commands, jobs, paper_commands
 from dcmg_bringup.design_command import design
 from dcmg_bringup.errors import BringupError
+from dcmg_bringup.recording_options import (
+    BagBufferMb,
+    BagChunks,
+    BagCompression,
+    BagExclude,
+    BagSplitMb,
+    BagSplitSec,
+    BagTopics,
+    BagWhenFull,
+    CompressionName,
+    recording_of,
+)
 from dcmg_nodes.errors import NodeError
-from dcmg_nodes.options import PacingMode
+from dcmg_nodes.options import NodeOptions, PacingMode
 from dgu_sim.errors import DguSimError
 from monitor.errors import MonitorError
 
@@ -82,13 +95,41 @@ def run(
     json: Json = False,
     plots: Plots = True,
     domain: Annotated[int | None, typer.Option(help="ROS domain id; default: a free one", show_default=False)] = None,
+    bag_compression: BagCompression = CompressionName.ZSTD,
+    bag_chunks: BagChunks = ChunkPreset.SAFE,
+    bag_split_mb: BagSplitMb = None,
+    bag_split_sec: BagSplitSec = None,
+    bag_topics: BagTopics = None,
+    bag_exclude: BagExclude = None,
+    bag_buffer_mb: BagBufferMb = 64.0,
+    bag_when_full: BagWhenFull = None,
 ) -> None:
     """Run a scenario over ROS 2: one process per node, recorded to a bag."""
     options = jobs.ScenarioOptions(
         name=scenario, duration_sec=duration, seed=seed, out=out, overrides=set_ or [], history=history
     )
+    recording = recording_of(
+        compression=bag_compression,
+        chunks=bag_chunks,
+        split_mb=bag_split_mb,
+        split_sec=bag_split_sec,
+        topics=bag_topics,
+        exclude=bag_exclude,
+        buffer_mb=bag_buffer_mb,
+        when_full=bag_when_full,
+        pacing=pacing,
+    )
     raise typer.Exit(
-        jobs.run(options, pacing=pacing, rate=rate, composed=composed, domain=domain, json=json, plots=plots)
+        jobs.run(
+            options,
+            pacing=pacing,
+            rate=rate,
+            composed=composed,
+            domain=domain,
+            recording=recording,
+            json=json,
+            plots=plots,
+        )
     )
 
 
@@ -103,12 +144,26 @@ def simulate(
     set_: Set = None,
     json: Json = False,
     plots: Plots = True,
+    bag_compression: BagCompression = CompressionName.ZSTD,
+    bag_chunks: BagChunks = ChunkPreset.COMPACT,
+    bag_split_mb: BagSplitMb = None,
+    bag_split_sec: BagSplitSec = None,
+    bag_topics: BagTopics = None,
+    bag_exclude: BagExclude = None,
 ) -> None:
     """Do the same run without ROS: the same numbers bit for bit, the same bag, much faster."""
     options = jobs.ScenarioOptions(
         name=scenario, duration_sec=duration, seed=seed, out=out, overrides=set_ or [], history=history
     )
-    raise typer.Exit(jobs.simulate(options, json=json, plots=plots))
+    recording = recording_of(
+        compression=bag_compression,
+        chunks=bag_chunks,
+        split_mb=bag_split_mb,
+        split_sec=bag_split_sec,
+        topics=bag_topics,
+        exclude=bag_exclude,
+    )
+    raise typer.Exit(jobs.simulate(options, recording=recording, json=json, plots=plots))
 
 
 @app.command()
@@ -163,14 +218,32 @@ def node(
     rate: Annotated[float, typer.Option(min=0.001, help="real-time factor of the clock")] = 1.0,
     start_timeout: Annotated[float, typer.Option(help="how long the clock waits for all nodes [s]")] = 30.0,
     set_: Set = None,
+    bag_compression: BagCompression = CompressionName.ZSTD,
+    bag_chunks: BagChunks = ChunkPreset.SAFE,
+    bag_split_mb: BagSplitMb = None,
+    bag_split_sec: BagSplitSec = None,
+    bag_topics: BagTopics = None,
+    bag_exclude: BagExclude = None,
+    bag_buffer_mb: BagBufferMb = 64.0,
+    bag_when_full: BagWhenFull = None,
 ) -> None:
     """Start single nodes of a run: what `dcmg run` supervises, by hand, on this or another host.
 
     The run starts when all nodes of the scenario are there. ROS_DOMAIN_ID and the other ROS variables are yours to set.
     """
-    raise typer.Exit(
-        jobs.node(names, scenario, set_ or [], out=out, pacing=pacing, rate=rate, start_timeout_sec=start_timeout)
+    recording = recording_of(
+        compression=bag_compression,
+        chunks=bag_chunks,
+        split_mb=bag_split_mb,
+        split_sec=bag_split_sec,
+        topics=bag_topics,
+        exclude=bag_exclude,
+        buffer_mb=bag_buffer_mb,
+        when_full=bag_when_full,
+        pacing=pacing,
     )
+    options = NodeOptions(out=out, pacing=pacing, rate=rate, start_timeout_sec=start_timeout, recording=recording)
+    raise typer.Exit(jobs.node(names, scenario, set_ or [], options))
 
 
 def main() -> None:

@@ -15,14 +15,16 @@ from rich.table import Table
 from dcmg_bringup.errors import BringupError
 from dcmg_bringup.live import LiveDisplay
 from dcmg_bringup.shipped import scenario_path, shipped_scenarios
-from dcmg_nodes.options import NodeOptions, PacingMode
+from dcmg_nodes.options import PacingMode
 from dgu_sim.scenario import load_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
+    from bags.recording import Recording
     from bags.report import RunSummary
     from bags.run_record import RunRecord
+    from dcmg_nodes.options import NodeOptions
     from dgu_sim.scenario import Scenario
 
 _EXIT_FAILED = 1
@@ -88,6 +90,7 @@ def run(
     rate: float,
     composed: bool,
     domain: int | None,
+    recording: Recording,
     json: bool,
     plots: bool,
 ) -> int:
@@ -99,7 +102,7 @@ def run(
     scenario = options.load()
     check_monitors(scenario)
     out = options.folder(scenario)
-    run_options = RunOptions(pacing=pacing, rate=rate, composed=composed, domain=domain)
+    run_options = RunOptions(pacing=pacing, rate=rate, composed=composed, domain=domain, recording=recording)
     with LiveDisplay(_messages, scenario.steps, scenario.sampling_period_sec) as display:
         outcome = run_job(scenario, out, run_options, display)
     if outcome.lost:
@@ -116,21 +119,22 @@ def run(
             f"interrupted at step {outcome.steps}; the bag is closed: {outcome.bag}", highlight=False, soft_wrap=True
         )
         return _EXIT_INTERRUPTED
-    _show(outcome.bag, out if plots else None, json=json)
+    _show(outcome.bag, out if plots else None, json=json, partial=_is_partial(scenario, recording))
     return _EXIT_FAILED if outcome.lost else 0
 
 
-def simulate(options: ScenarioOptions, *, json: bool, plots: bool) -> int:
+def simulate(options: ScenarioOptions, *, recording: Recording, json: bool, plots: bool) -> int:
     """Do the same run without ROS."""
     from bags.offline import simulate_to_bag  # noqa: PLC0415 (heavy)
+    from bags.origin import host_facts  # noqa: PLC0415
 
     scenario = options.load()
     check_monitors(scenario)
     out = options.folder(scenario)
     out.mkdir(parents=True, exist_ok=True)
     with LiveDisplay(_messages, scenario.steps, scenario.sampling_period_sec) as display:
-        bag = simulate_to_bag(scenario, out / "bag", display.steps)
-    _show(bag, out if plots else None, json=json)
+        bag = simulate_to_bag(scenario, out / "bag", display.steps, recording, host_facts())
+    _show(bag, out if plots else None, json=json, partial=_is_partial(scenario, recording))
     return 0
 
 
@@ -173,20 +177,10 @@ def list_scenarios() -> None:
     Console().print(table)
 
 
-def node(
-    names: Sequence[str],
-    scenario: str,
-    overrides: Sequence[str],
-    *,
-    out: Path,
-    pacing: PacingMode,
-    rate: float,
-    start_timeout_sec: float,
-) -> int:
+def node(names: Sequence[str], scenario: str, overrides: Sequence[str], options: NodeOptions) -> int:
     """Run single nodes until the run ends."""
     from dcmg_nodes.main import run_nodes  # noqa: PLC0415 (rclpy only when needed)
 
-    options = NodeOptions(out=out, pacing=pacing, rate=rate, start_timeout_sec=start_timeout_sec)
     failure = run_nodes(names, load_scenario(scenario_path(scenario), overrides), options)
     if failure is not None:
         raise BringupError(failure)
@@ -218,12 +212,15 @@ def _say(line: str) -> None:
     _messages.print(line, highlight=False, soft_wrap=True)
 
 
-def _show(bag: Path, plots_dir: Path | None, *, json: bool) -> None:
+def _show(bag: Path, plots_dir: Path | None, *, json: bool, partial: bool) -> None:
     """Read the bag back and show what it says: what a person sees is what is recorded."""
     from bags.outline import outline  # noqa: PLC0415 (heavy)
     from bags.reader import open_run  # noqa: PLC0415
     from bags.report import summary  # noqa: PLC0415
 
+    if partial:
+        _show_counts(bag, json=json)
+        return
     run = open_run(bag)
     found = outline(_shown(run.windows(), run.steps, "reading"), run.steps)
     pictures: Sequence[Path] = ()
@@ -233,6 +230,27 @@ def _show(bag: Path, plots_dir: Path | None, *, json: bool) -> None:
         with _messages.status("drawing"):
             pictures = draw(found, plots_dir / _PLOTS)
     _print(summary(found, bag), pictures, json=json)
+
+
+def _is_partial(scenario: Scenario, recording: Recording) -> bool:
+    """Whether topics are left out that a report needs."""
+    from bags.schema import run_topics  # noqa: PLC0415 (heavy)
+
+    topics = run_topics(scenario.grid.dgus, scenario.links, scenario.sampling_period_ns)
+    return not all(recording.topics.accepts(topic.name) for topic in topics.per_step)
+
+
+def _show_counts(bag: Path, *, json: bool) -> None:
+    """Say what is in a bag that was told to hold only some topics: too little for a report."""
+    from bags.bag import open_bag  # noqa: PLC0415 (heavy)
+
+    counts = {topic.name: topic.count for topic in open_bag(bag).topics.values()}
+    if json:
+        print(json_module.dumps({"bag": str(bag), "topics": counts}))  # noqa: T201
+        return
+    console = Console()
+    console.print(f"{sum(counts.values())} messages on {len(counts)} of the run's topics: no report", highlight=False)
+    console.print(f"bag:   {bag}", highlight=False, soft_wrap=True)
 
 
 def _shown(windows: Iterable[RunRecord], steps: int, what: str) -> Iterator[RunRecord]:

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import os
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib import resources
 from typing import TYPE_CHECKING, Protocol
 
 from bags.container import open_container
 from bags.errors import BagError
+from bags.recording import Recording
 from bags.repair import repair
 from dcmg_bringup.domain import choose_domain
 from dcmg_bringup.processes import ProcessGroup
@@ -47,12 +48,14 @@ class RunOptions:
         rate: realtime factor.
         composed: all nodes in one process instead of one process a node.
         domain: ROS domain id, None: the first free one.
+        recording: how the bag is written.
     """
 
     pacing: PacingMode = PacingMode.LOCKSTEP
     rate: float = 1.0
     composed: bool = False
     domain: int | None = None
+    recording: Recording = field(default_factory=Recording)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -89,7 +92,7 @@ def run_job(scenario: Scenario, out: Path, options: RunOptions, display: Display
         wiring = wiring_of(scenario)
         wiring.warm_up()
         nodes = {_ALL: wiring.nodes} if options.composed else {name: (name,) for name in wiring.nodes}
-        node_options = NodeOptions(out=out, pacing=options.pacing, rate=options.rate)
+        node_options = NodeOptions(out=out, pacing=options.pacing, rate=options.rate, recording=options.recording)
         group = ProcessGroup(nodes, scenario, node_options, out / "log")
         try:
             return _follow(wiring, group, out / BAG, display)
@@ -166,4 +169,5 @@ def _recorded_steps(bag: Path, wiring: Wiring) -> int:
         bag.rename(broken)
         repair(broken, bag)
         counts = open_container(bag).counts
-    return min(counts.get(topic.name, 0) for topic in wiring.topics.per_step)
+    # a topic that was not to be recorded does not count
+    return min((counts[topic.name] for topic in wiring.topics.per_step if topic.name in counts), default=0)

@@ -12,9 +12,9 @@ import rclpy
 from rclpy.signals import SignalHandlerOptions
 
 from bags.histories import histories_of_run
-from bags.origin import attach_origin
+from bags.origin import attach_origin, host_facts
 from bags.schema import ATTACKER_NODE, CLOCK_NODE, dgu_name, monitor_name
-from bags.writer import BagWriter
+from bags.writer import open_recording
 from dcmg_nodes.attacker_node import AttackerNode
 from dcmg_nodes.clock_node import ClockConfig, ClockNode
 from dcmg_nodes.dgu_node import DguNode
@@ -128,8 +128,8 @@ class _Builder:
         return MonitorNode(self._wiring, self._host, dgu, config).ports
 
     def _recorder(self) -> Ports:
-        writer = BagWriter(self._options.out / BAG, self._wiring.topics.all)
-        attach_origin(writer, self._scenario)
+        writer = open_recording(self._options.out / BAG, self._wiring.topics.all, self._options.recording)
+        attach_origin(writer, self._scenario, host_facts())
         period_sec = self._scenario.sampling_period_sec / self._options.rate
         stall_sec = max(self._options.stall_timeout_sec, _STALL_PERIODS * period_sec)
         node = RecorderNode(self._wiring, self._host, writer, self._scenario.steps, stall_sec)

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING
+
+from bags.recording import Recording
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -37,6 +39,7 @@ class NodeOptions:
         executor: rclpy executor.
         start_timeout_sec: how long the clock waits for all nodes [s].
         stall_timeout_sec: how long a step may stay incomplete [s].
+        recording: how the recorder writes its bag.
     """
 
     out: Path
@@ -45,3 +48,4 @@ class NodeOptions:
     executor: ExecutorKind = ExecutorKind.EVENTS
     start_timeout_sec: float = 30.0
     stall_timeout_sec: float = 8.0
+    recording: Recording = field(default_factory=Recording)

@@ -96,6 +96,10 @@ class RecorderNode:
     def _finish(self, lost: int) -> None:
         self._unfinished.add(RECORDER_NODE)  # nothing that comes now can end the run again
         self.close()
+        for name, number in self._writer.dropped.items():
+            loss = f"{number} message(s) of {name} were not recorded: the disk was too slow"
+            self.ports.log.error(loss)
+        lost += sum(self._writer.dropped.values())
         self._end.publish(RunEnd(steps=self._assembler.complete, lost=lost))
         self._leave_by = time.monotonic() + _LINGER_SEC
         self._linger_timer = self.ports.node.create_timer(_LINGER_POLL_SEC, self._leave_when_alone)
