@@ -28,6 +28,7 @@ from dcmg_bringup.recording_options import (
     CompressionName,
     recording_of,
 )
+from dcmg_bringup.reconstruct_command import reconstruct
 from dcmg_nodes.errors import NodeError
 from dcmg_nodes.options import NodeOptions, PacingMode
 from dgu_sim.errors import DguSimError
@@ -53,6 +54,7 @@ app.add_typer(paper_commands.app, name="paper")
 app.add_typer(bag_commands.app, name="bag")
 app.add_typer(import_commands.app, name="import")
 app.command("design")(design)
+app.command("reconstruct")(reconstruct)
 
 Scenario = Annotated[str, typer.Argument(help="name of a shipped scenario (see `dcmg scenarios`) or path of a file")]
 Out = Annotated[

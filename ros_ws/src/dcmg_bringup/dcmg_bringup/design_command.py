@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path  # noqa: TC003 (typer reads the annotations)
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 import yaml
@@ -15,6 +15,9 @@ from dcmg_bringup.errors import BringupError
 from monitor import observers
 from monitor.observers import KINDS
 from monitor.wording import describe
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
 
 _EXIT_REFUSED = 1
 
@@ -35,7 +38,7 @@ def design(
     json: Annotated[bool, typer.Option("--json", help="print the certificate as a JSON document")] = False,
 ) -> None:
     """Design an observer from a recorded history and print its certificate; exit code 1 when the design is refused."""
-    options = dict(_option(text) for text in option or [])
+    options = named_values(option or [])
     made = observers.design(observer, history_of(read_histories(history, dgu)), options)
     if json:
         typer.echo(made.certificate.to_json())
@@ -44,6 +47,15 @@ def design(
         for line in describe(made.certificate):
             console.print(line, highlight=False, markup=False, soft_wrap=True)
     raise typer.Exit(0 if made.accepted else _EXIT_REFUSED)
+
+
+def named_values(texts: Sequence[str]) -> dict[str, object]:
+    """Parse options NAME=VALUE, the values as YAML.
+
+    Raises:
+        BringupError: one is neither.
+    """
+    return dict(_option(text) for text in texts)
 
 
 def _option(text: str) -> tuple[str, object]:
