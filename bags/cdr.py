@@ -1,12 +1,13 @@
 """Fixed-length messages as bytes: the CDR encoding of ROS 2, derived from the field definitions.
 
 A message is 4 bytes of encapsulation (`00 01 00 00`: plain CDR, little endian) and its fields in order, each aligned
-to its own size counted from behind the encapsulation. Every length of ours is known once the one string (frame_id) is.
+to its own size counted from behind the encapsulation. Every length of ours is known once the one string (frame_id) is,
+and for a few messages how many elements their sequences have.
 """
 
 import re
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache, partial
 from typing import Any, cast, final
@@ -74,55 +75,69 @@ class Layout:
 
 
 @cache
-def layout_of(type_name: str, text: str = "") -> Layout:
+def layout_of(type_name: str, text: str = "", sequences: tuple[tuple[str, int], ...] = ()) -> Layout:
     """Layout of a message type whose one string field, if any, always holds `text`.
 
     Args:
         type_name: Full message type name.
         text: The string, usually the header's frame_id.
+        sequences: Dotted name and number of elements of each sequence: the same in every message.
 
     Raises:
-        BagError: The type has a sequence, or more than one string: its length is not fixed.
+        BagError: The type has another sequence, or more than one string: its length is not fixed.
     """
     encoded = text.encode() + b"\0"
     builder = _Builder()
-    for name, primitive, count in _leaves(type_name, ""):
+    lengths = dict(sequences)
+    for name, primitive, count in _leaves(type_name, "", lengths):
         if primitive == "string":
             builder.add_text(name, encoded)
-        else:
-            builder.add(name, primitive, count)
+            continue
+        if name in lengths:
+            builder.add_constant(f"{name}.length", struct.pack("<I", count), "<u4")
+        builder.add(name, primitive, count)
     if len(builder.texts) > 1:
         raise BagError(f"{type_name}: found the strings {', '.join(builder.texts)}, expected at most one")
     spec = {"names": builder.names, "formats": builder.formats, "offsets": builder.offsets, "itemsize": builder.end}
-    text_bytes = struct.pack("<I", len(encoded)) + encoded if builder.texts else None
     return Layout(
         type_name=type_name,
         text=text if builder.texts else "",
         names=tuple(builder.packed),
         # numpy's stubs know this dictionary form only as an unnamed protocol
         dtype=cast("np.dtype[np.void]", np.dtype(spec)),  # type: ignore[call-overload]
-        pack=_packer(builder.code, text_bytes, builder.text_at),
+        pack=_packer(builder.code, builder.constants),
         unpack=_unpacker(type_name, builder.code),
         _numbers=builder.values,
     )
 
 
 # These run for every message of every node: closures, because looking attributes up would double their time.
-def _packer(code: str, text: bytes | None, at: int) -> Callable[..., bytes]:
+def _packer(code: str, constants: list[tuple[int, bytes]]) -> Callable[..., bytes]:
     pack = struct.Struct(code).pack
-    if text is None:
+    if not constants:
         return partial(pack, ENCAPSULATION)
+    if len(constants) == 1:
+        ((at, text),) = constants
 
-    def pack_with_text(*values: object) -> bytes:
+        def pack_with_text(*values: object) -> bytes:
+            arguments = [ENCAPSULATION, *values]
+            arguments.insert(at + 1, text)
+            return pack(*arguments)
+
+        return pack_with_text
+    backwards = constants[::-1]
+
+    def pack_with_constants(*values: object) -> bytes:
         arguments = [ENCAPSULATION, *values]
-        arguments.insert(at + 1, text)
+        for position, data in backwards:
+            arguments.insert(position + 1, data)
         return pack(*arguments)
 
-    return pack_with_text
+    return pack_with_constants
 
 
 def _unpacker(type_name: str, code: str) -> Callable[[bytes], tuple[Any, ...]]:
-    # the encapsulation and the string are constant: skip their bytes
+    # the encapsulation, the string and the lengths of sequences are constant: skip their bytes
     codec = struct.Struct(re.sub(r"(\d+)s", r"\1x", code))
     unpack_values, size = codec.unpack, codec.size
 
@@ -144,7 +159,7 @@ class _Builder:
         self.code = "<4s"
         self.end = len(ENCAPSULATION)
         self.values = 0
-        self.text_at = 0
+        self.constants: list[tuple[int, bytes]] = []  # before which value, and what
         self.texts: list[str] = []
         self.packed: list[str] = []
         self.names = ["encapsulation"]
@@ -165,13 +180,21 @@ class _Builder:
         """Append a string: its length, then its bytes with the closing zero."""
         self._align(4)
         self.texts.append(name)
-        self.text_at = self.values
+        self.constants.append((self.values, struct.pack("<I", len(encoded)) + encoded))
         self._field(f"{name}.length", "<u4")
         self.offsets.append(self.end + 4)
         self.names.append(name)
         self.formats.append(f"S{len(encoded)}")
         self.code += f"{4 + len(encoded)}s"
         self.end += 4 + len(encoded)
+
+    def add_constant(self, name: str, data: bytes, code: str) -> None:
+        """Append a number that is the same in every message, aligned to its size."""
+        self._align(len(data))
+        self.constants.append((self.values, data))
+        self._field(name, code)
+        self.code += f"{len(data)}s"
+        self.end += len(data)
 
     def _align(self, size: int) -> None:
         padding = -(self.end - len(ENCAPSULATION)) % size
@@ -184,7 +207,7 @@ class _Builder:
         self.offsets.append(self.end)
 
 
-def _leaves(type_name: str, prefix: str) -> Iterator[tuple[str, str, int]]:
+def _leaves(type_name: str, prefix: str, lengths: Mapping[str, int]) -> Iterator[tuple[str, str, int]]:
     """Dotted name, primitive type and array length (0: a scalar) of every field, nested messages opened up."""
     store = typestore()
     if type_name not in store.fielddefs:
@@ -195,8 +218,10 @@ def _leaves(type_name: str, prefix: str) -> Iterator[tuple[str, str, int]]:
             case Nodetype.BASE, (str(primitive), _):
                 yield dotted, primitive, 0
             case Nodetype.NAME, str(nested):
-                yield from _leaves(nested, f"{dotted}.")
+                yield from _leaves(nested, f"{dotted}.", lengths)
             case Nodetype.ARRAY, ((Nodetype.BASE, (str(primitive), _)), int(count)) if primitive != "string":
                 yield dotted, primitive, count
+            case Nodetype.SEQUENCE, ((Nodetype.BASE, (str(primitive), _)), _) if lengths.get(dotted):
+                yield dotted, primitive, lengths[dotted]
             case _:
                 raise BagError(f"{type_name}: field {dotted} has no fixed length, expected numbers and fixed arrays")

@@ -13,6 +13,7 @@ from bags.chunk import MESSAGE_HEAD, MESSAGE_HEAD_LENGTH
 from bags.container import ChunkView, record_dtype
 from bags.errors import BagError
 from bags.schema import RunTopics
+from bags.team_record import TeamArrays
 
 _VECTOR = 3  # components of states, outputs and residuals
 _ROWS_AT_ONCE = 1000
@@ -180,6 +181,8 @@ def columns_of(topics: RunTopics) -> Columns:
     for link in topics.links:
         received, residual = topics.received(link), topics.residual(link)
         layouts |= {received.topic.name: received.layout, residual.topic.name: residual.layout}
+    if topics.team is not None:
+        layouts |= {topic.name: topic.layout for topic in topics.team.per_step if topic.layout is not None}
     by_name = {name: Column(name=name, layout=layout) for name, layout in layouts.items()}
     return Columns(topics=topics, by_name=by_name)
 
@@ -193,6 +196,7 @@ class _Arrays:
     output_fields: Mapping[str, NDArray[Any]]
     received_fields: Mapping[str, NDArray[Any]]
     residual_fields: Mapping[str, NDArray[Any]]
+    team: TeamArrays | None
 
     @classmethod
     def of(cls, topics: RunTopics, steps: int) -> "_Arrays":
@@ -210,6 +214,7 @@ class _Arrays:
                 "alarm": np.empty(links, dtype=np.bool_),
                 **{name: np.empty((*links, _VECTOR)) for name in ("estimate", "residual", "threshold")},
             },
+            team=None if topics.team is None else TeamArrays.empty(topics.team, steps),
         )
 
     def targets(self, topics: RunTopics) -> dict[str, dict[str, NDArray[Any]]]:
@@ -221,12 +226,14 @@ class _Arrays:
         for position, link in enumerate(topics.links):
             found[topics.received(link).topic.name] = _at(self.received_fields, position)
             found[topics.residual(link).topic.name] = _at(self.residual_fields, position)
+        if topics.team is not None and self.team is not None:
+            found |= self.team.targets(topics.team)
         return found
 
     def fields(self) -> dict[str, Any]:
         """The arrays by the names they have in a RunRecord."""
         received = {"received": self.received_fields["y"], "delivered": self.received_fields["delivered"]}
-        return {**self.dgu_fields, **self.output_fields, **received, **self.residual_fields}
+        return {**self.dgu_fields, **self.output_fields, **received, **self.residual_fields, "told": self.team}
 
 
 def _at(fields: Mapping[str, NDArray[Any]], position: int) -> dict[str, NDArray[Any]]:

@@ -5,12 +5,15 @@ from pathlib import Path
 
 from bags.container import open_container, readable
 from bags.convert import history_records
+from bags.documents import HistoryCodec
 from bags.errors import BagError
 from bags.origin import attach_origin
 from bags.records import HistoryRecord
 from bags.schema import run_topics
+from bags.team_topics import GRID, TeamTopics
 from bags.writer import BagWriter
 from dgu_sim.experiment import run_experiments
+from dgu_sim.grid_experiment import run_grid_experiments
 from dgu_sim.scenario import Scenario
 
 
@@ -36,7 +39,26 @@ def read_histories(path: Path, dgu: int) -> list[HistoryRecord]:
     Raises:
         BagError: The bag cannot be read or holds no history of this DGU.
     """
-    codec = run_topics((dgu,), (), 1).history(dgu)
+    return _recorded(path, run_topics((dgu,), (), 1).history(dgu), f"DGU {dgu}")
+
+
+def grid_history_of_run(scenario: Scenario) -> list[HistoryRecord]:
+    """The history of the whole grid that a team of monitors is designed from, like `histories_of_run`.
+
+    Raises:
+        BagError: The bag of histories cannot be read or holds none of the grid.
+    """
+    if scenario.history.bag is None:
+        return history_records(GRID, run_grid_experiments(scenario))
+    return _recorded(Path(scenario.history.bag), grid_history_codec(scenario), "the whole grid")
+
+
+def grid_history_codec(scenario: Scenario) -> HistoryCodec:
+    """Codec of /grid/history."""
+    return TeamTopics(dgus=scenario.grid.dgus, links=(), sampling_period_ns=scenario.sampling_period_ns).history()
+
+
+def _recorded(path: Path, codec: HistoryCodec, what: str) -> list[HistoryRecord]:
     records: list[HistoryRecord] = []
     for channels, chunk in open_container(path).chunks():
         with readable(path):
@@ -44,7 +66,7 @@ def read_histories(path: Path, dgu: int) -> list[HistoryRecord]:
                 if channels[channel_id].topic == codec.topic.name:
                     records += [codec.decode(payload) for payload in chunk.payloads(channel_id)]
     if not records:
-        raise BagError(f"{path}: holds nothing on {codec.topic.name}, expected a recorded history of DGU {dgu}")
+        raise BagError(f"{path}: holds nothing on {codec.topic.name}, expected a recorded history of {what}")
     return records
 
 
@@ -64,10 +86,12 @@ def write_histories(scenario: Scenario, dgus: Sequence[int], path: Path) -> Path
         dgu_sim.errors.ScenarioError: The scenario has no such DGU.
     """
     topics = run_topics(scenario.grid.dgus, scenario.links, scenario.sampling_period_ns)
-    codecs = [topics.history(dgu) for dgu in dgus]
-    with BagWriter(path, [codec.topic for codec in codecs]) as writer:
+    found = [(topics.history(dgu), histories_of_run(scenario, dgu)) for dgu in dgus]
+    if scenario.monitor.team is not None:
+        found.append((grid_history_codec(scenario), grid_history_of_run(scenario)))
+    with BagWriter(path, [codec.topic for codec, _ in found]) as writer:
         attach_origin(writer, scenario)
-        for codec in codecs:
-            for record in histories_of_run(scenario, codec.dgu):
+        for codec, records in found:
+            for record in records:
                 writer.write(codec.topic.name, 0, codec.encode(record))
     return path

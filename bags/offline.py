@@ -19,6 +19,7 @@ from bags.origin import attach_origin
 from bags.recording import CHUNK_PRESETS, ChunkPreset, Recording
 from bags.records import HistoryRecord
 from bags.schema import RunTopics, run_topics
+from bags.team_offline import fill_team, team_of_run, write_team_documents
 from bags.topic import Topic
 from bags.writer import BagWriter
 from dgu_sim.scenario import Scenario
@@ -53,10 +54,12 @@ def simulate_to_bag(
         BagError: The bag cannot be written.
         monitor.errors.MonitorError: Unknown observer or detector, or options of theirs.
     """
-    topics = run_topics(scenario.grid.dgus, scenario.links, scenario.sampling_period_ns)
+    has_team = scenario.monitor.team is not None
+    topics = run_topics(scenario.grid.dgus, scenario.links, scenario.sampling_period_ns, team=has_team)
     records = {dgu: histories_of_run(scenario, dgu) for dgu in topics.dgus}
     histories = {dgu: history_of(history) for dgu, history in records.items()}
     monitors = design_monitors(topics, scenario.monitor, histories)
+    team = team_of_run(scenario, topics)
     states, alarm = monitors.init(), np.zeros(len(topics.links), dtype=np.bool_)
     with BagWriter(
         path,
@@ -69,12 +72,16 @@ def simulate_to_bag(
     ) as writer:
         attach_origin(writer, scenario, host)
         _write_latched(writer, topics, records, monitors.designs)
+        if team is not None:
+            write_team_documents(writer, team)
         layout = writer.format_of(topics.per_step)
         for block in ahead(lambda: simulate(scenario, block_steps=_BLOCK_STEPS)):
             states, outputs = monitors.run(states, block.received[:, 0], block.delivered[:, 0])
             rows = layout.block(block.first_step, len(block.x), topics.sampling_period_ns)
             fill_rows(rows, topics, block, outputs)
             events = _events(topics, block, outputs, alarm)
+            if team is not None:
+                fill_team(rows, team, block, events)
             alarm = outputs.alarm[-1]
             cuts = [0, *sorted({row + 1 for row in events} - {len(rows)}), len(rows)]
             for start, end in pairwise(cuts):

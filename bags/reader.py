@@ -5,18 +5,19 @@
 """
 
 import re
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TypeVar, final
 
-from bags.codecs import NANOSECONDS_PER_SECOND
+from bags.codecs import NANOSECONDS_PER_SECOND, AlarmCodec
 from bags.columns import columns_of, decoded, records_of
 from bags.container import ChunkView, Container, open_container, readable
 from bags.errors import BagError
 from bags.records import AlarmRecord, DesignRecord, HistoryRecord
 from bags.run_record import RunRecord
 from bags.schema import RunTopics, run_topics
+from bags.team_record import TeamRecord
 from dgu_sim.grid import Link
 from dgu_sim.relay import RelayEvent
 
@@ -39,6 +40,7 @@ class Run:
         designs: What was designed for each link.
         events: Attacks that started or stopped, in order of time.
         attachments: Documents in the bag by name.
+        team: Designs and accusations of the team, None without.
     """
 
     path: Path
@@ -48,6 +50,7 @@ class Run:
     designs: Mapping[Link, DesignRecord]
     events: tuple[RelayEvent, ...]
     attachments: Mapping[str, bytes]
+    team: TeamRecord | None
     _container: Container
 
     @property
@@ -80,6 +83,7 @@ class Run:
                 events=self.events,
                 alarms=self._alarms(start, start + size),
                 attachments=self.attachments,
+                team=self._team(start, start + size),
             )
             start += size
         counts = self._container.counts
@@ -93,12 +97,19 @@ class Run:
                 yield channels[channel_id].topic, channel_id, chunk
 
     def _alarms(self, start: int, end: int) -> tuple[AlarmRecord, ...]:
+        return self._alarms_on([self.topics.alarms(monitor) for monitor in self.topics.monitors], start, end)
+
+    def _team(self, start: int, end: int) -> TeamRecord | None:
+        """What the run says about its team, with the accusations of steps [start, end)."""
+        if self.team is None or self.topics.team is None:
+            return None
+        codecs = [self.topics.team.alarms(member) for member in self.topics.dgus]
+        return replace(self.team, alarms=self._alarms_on(codecs, start, end))
+
+    def _alarms_on(self, codecs: Sequence[AlarmCodec], start: int, end: int) -> tuple[AlarmRecord, ...]:
         """The alarms of steps [start, end): a late one stands behind later steps, but its stamp tells."""
         found: list[AlarmRecord] = []
-        decoders = {}
-        for monitor in self.topics.monitors:
-            codec = self.topics.alarms(monitor)
-            decoders[codec.topic.name] = _into(found, codec.decode)
+        decoders = {codec.topic.name: _into(found, codec.decode) for codec in codecs}
         _decode(self._container, decoders, (self.topics.stamp_ns(start), self.topics.stamp_ns(end) - 1))
         return tuple(sorted((one for one in found if start <= one.step < end), key=lambda one: one.step))
 
@@ -126,6 +137,7 @@ def open_run(path: Path) -> Run:
         designs={Link(one.source, one.monitor): one for one in documents.designs},
         events=tuple(sorted((one for one in documents.events if one.step < steps), key=lambda one: one.step)),
         attachments=container.attachments,
+        team=documents.team(topics),
         _container=container,
     )
 
@@ -168,13 +180,14 @@ def _topics_of(container: Container) -> RunTopics:
         raise BagError(
             f"{container.path}: found the topics {found:.80}, expected those of a run: /tick /dgu_1/state ..."
         )
-    topics = run_topics(dgus, links, 1)
+    team = any(type_name == "dcmg_msgs/msg/TeamEstimate" for type_name in types.values())
+    topics = run_topics(dgus, links, 1, team=team)
     for topic in topics.per_step:
         if types.get(topic.name) != topic.type_name:
             raise BagError(
                 f"{container.path}: {topic.name} is {types.get(topic.name, 'missing')}, expected {topic.type_name}"
             )
-    return run_topics(dgus, links, _sampling_period_ns(container, topics))
+    return run_topics(dgus, links, _sampling_period_ns(container, topics), team=team)
 
 
 def _sampling_period_ns(container: Container, topics: RunTopics) -> int:
@@ -206,6 +219,16 @@ class _Documents:
     histories: list[HistoryRecord] = field(default_factory=list)
     designs: list[DesignRecord] = field(default_factory=list)
     events: list[RelayEvent] = field(default_factory=list)
+    team_designs: list[DesignRecord] = field(default_factory=list)
+    team_histories: list[HistoryRecord] = field(default_factory=list)
+
+    def team(self, topics: RunTopics) -> TeamRecord | None:
+        """What was said about the team, if there is one."""
+        if topics.team is None:
+            return None
+        designs = {one.monitor: one for one in self.team_designs}
+        histories = tuple(sorted(self.team_histories, key=lambda one: one.experiment))
+        return TeamRecord(designs=designs, alarms=(), histories=histories)
 
     def decoders(self, topics: RunTopics) -> dict[str, Callable[[bytes], None]]:
         """What to do with a message, by topic name."""
@@ -218,6 +241,12 @@ class _Documents:
             found[design.topic.name] = _into(self.designs, design.decode)
         events = topics.attack_events()
         found[events.topic.name] = _into(self.events, events.decode)
+        if topics.team is not None:
+            history = topics.team.history()
+            found[history.topic.name] = _into(self.team_histories, history.decode)
+            for member in topics.dgus:
+                design = topics.team.design(member)
+                found[design.topic.name] = _into(self.team_designs, design.decode)
         return found
 
 

@@ -15,6 +15,7 @@ from bags.origin import SCENARIO_ATTACHMENT
 from bags.reader import read_run
 from bags.records import AlarmRecord, DesignRecord
 from bags.run_record import RunRecord
+from bags.team_offline import TeamProgress, replayed_team, team_of_record
 from dgu_sim.grid import Link
 from dgu_sim.scenario import parse_scenario
 from monitor.history import History
@@ -63,6 +64,7 @@ def replay_windows(windows: Iterable[RunRecord], overrides: Sequence[str] = ()) 
             prepared = _prepare(window, overrides)
             states, alarm = prepared.monitors.init(), np.zeros(len(window.links), dtype=np.bool_)
         states, outputs = prepared.monitors.run(states, window.received, window.delivered)
+        told, team = (None, None) if prepared.team is None else replayed_team(prepared.team, window)
         yield replace(
             window,
             phase=outputs.phase,
@@ -73,6 +75,8 @@ def replay_windows(windows: Iterable[RunRecord], overrides: Sequence[str] = ()) 
             designs=prepared.designs,
             alarms=_alarms(window, outputs, alarm),
             attachments=prepared.attachments,
+            told=told,
+            team=team,
         )
         alarm = outputs.alarm[-1] if window.steps else alarm
 
@@ -85,6 +89,7 @@ class _Prepared:
     monitors: RunMonitors
     designs: Mapping[Link, DesignRecord]
     attachments: Mapping[str, bytes]
+    team: TeamProgress | None
 
 
 def _prepare(record: RunRecord, overrides: Sequence[str]) -> _Prepared:
@@ -101,7 +106,8 @@ def _prepare(record: RunRecord, overrides: Sequence[str]) -> _Prepared:
         for link, design in zip(record.links, monitors.designs, strict=True)
     }
     attachments = {**record.attachments, SCENARIO_ATTACHMENT: scenario.to_yaml().encode()}
-    return _Prepared(monitors=monitors, designs=designs, attachments=attachments)
+    team = team_of_record(scenario, record)
+    return _Prepared(monitors=monitors, designs=designs, attachments=attachments, team=team)
 
 
 def histories_of(record: RunRecord) -> dict[int, History]:

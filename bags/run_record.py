@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from bags.origin import SCENARIO_ATTACHMENT
 from bags.records import AlarmRecord, DesignRecord, HistoryRecord
 from bags.schema import RunTopics
+from bags.team_record import TeamArrays, TeamRecord
 from dgu_sim.grid import Link
 from dgu_sim.relay import Action, RelayEvent
 
@@ -42,6 +43,8 @@ class RunRecord:
         events: Attacks that started or stopped anywhere in the run, in order of time.
         alarms: Alarms that started or ended at these steps, in order of time.
         attachments: Documents in the bag by name.
+        told: What the members of the team told, None without a team.
+        team: Designs and accusations of the team, None without.
     """
 
     path: Path
@@ -65,6 +68,8 @@ class RunRecord:
     alarms: tuple[AlarmRecord, ...]
     attachments: Mapping[str, bytes]
     first_step: int = 0
+    told: TeamArrays | None = None
+    team: TeamRecord | None = None
 
     @property
     def links(self) -> tuple[Link, ...]:

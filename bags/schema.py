@@ -13,6 +13,7 @@ from typing import final
 from bags.cdr import Layout, layout_of
 from bags.codecs import AlarmCodec, ClockCodec, OutputCodec, ResidualCodec, StateCodec, TickCodec
 from bags.documents import AttackEventCodec, DesignCodec, DiagnosticsCodec, HistoryCodec
+from bags.team_topics import TeamTopics
 from bags.topic import Topic, TopicKind
 from dgu_sim.grid import Link
 
@@ -39,11 +40,20 @@ class RunTopics:
         dgus: DGU numbers, ascending.
         links: Directed communication links, ordered by (target, source).
         sampling_period_ns: T_s [ns].
+        has_team: Whether the monitors estimate the whole grid together.
     """
 
     dgus: tuple[int, ...]
     links: tuple[Link, ...]
     sampling_period_ns: int
+    has_team: bool = False
+
+    @cached_property
+    def team(self) -> TeamTopics | None:
+        """The topics of the team, if there is one."""
+        if not self.has_team:
+            return None
+        return TeamTopics(dgus=self.dgus, links=self.links, sampling_period_ns=self.sampling_period_ns)
 
     @property
     def monitors(self) -> tuple[int, ...]:
@@ -60,6 +70,8 @@ class RunTopics:
         events = [self.alarms(dgu).topic for dgu in self.monitors]
         events += [self.attack_events().topic, self._diagnostics_topic()]
         latched = [self.history(dgu).topic for dgu in self.dgus] + [self.design(link).topic for link in self.links]
+        if self.team is not None:
+            events, latched = [*events, *self.team.events], [*latched, *self.team.latched]
         return (*self.per_step, *events, *latched)
 
     @cached_property
@@ -72,6 +84,7 @@ class RunTopics:
             *(self.output(dgu).topic for dgu in self.dgus),
             *(self.received(link).topic for link in self.links),
             *(self.residual(link).topic for link in self.links),
+            *(() if self.team is None else self.team.per_step),
         )
 
     def published_by(self, node: str) -> tuple[Topic, ...]:
@@ -170,12 +183,13 @@ class RunTopics:
         )
 
 
-def run_topics(dgus: Sequence[int], links: Sequence[Link], sampling_period_ns: int) -> RunTopics:
+def run_topics(dgus: Sequence[int], links: Sequence[Link], sampling_period_ns: int, *, team: bool = False) -> RunTopics:
     """The topics of a run; DGUs and links are put into canonical order."""
     return RunTopics(
         dgus=tuple(sorted(dgus)),
         links=tuple(sorted(links, key=lambda link: (link.target, link.source))),
         sampling_period_ns=sampling_period_ns,
+        has_team=team,
     )
 
 

@@ -9,6 +9,7 @@ from dgu_sim.model import finding
 from dgu_sim.plant import Coupling
 from dgu_sim.settings import AttackSettings, HistoryPlant
 from dgu_sim.stability import closed_loop, largest_stable_gain, sampled_grid, spectral_radius
+from dgu_sim.team_checks import check_team
 
 if TYPE_CHECKING:
     from dgu_sim.scenario import Scenario
@@ -24,6 +25,7 @@ def check_parts(scenario: "Scenario") -> None:
     _check_ids([dgu.id for dgu in scenario.dgus])
     _check_lines(scenario)
     _check_attacks(scenario)
+    check_team(scenario)
     if scenario.coupling is Coupling.ISOLATED and scenario.history.plant is HistoryPlant.JOINT:
         raise finding(("history", "plant"), "joint", "expected own: with coupling isolated there is no joint grid")
 

@@ -22,6 +22,7 @@ from dgu_sim.loads import Load
 from dgu_sim.model import Frozen, Number, Spread3, Vector3, check_keys, finding
 from dgu_sim.parameters import DguParameters
 from dgu_sim.relay import AttackPlan
+from dgu_sim.team_settings import TeamSettings
 
 __all__ = [
     "AttackSettings",
@@ -228,6 +229,9 @@ class MonitorSettings(Frozen):
     observer: ObserverSettings = Field(default_factory=ObserverSettings, description="The observer.")
     detector: DetectorSettings = Field(
         default_factory=lambda: DetectorSettings.model_validate({}), description="The detector."
+    )
+    team: TeamSettings | None = Field(
+        default=None, description="Monitors that estimate the whole grid together; none: each watches its links alone."
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from pydantic import ConfigDict, Field
@@ -15,7 +15,7 @@ from monitor.distributed.gains import (
     best_coupling,
     coupling_bound,
     error_dynamics,
-    leader_gain,
+    leading,
     stability,
 )
 from monitor.distributed.node import NodeObserver
@@ -41,11 +41,13 @@ class DistributedOptions:
 
     Attributes:
         unknown_inputs: r of every node, when known; needed for noisy data without a clear gap.
-        leader: number of the leading node, from 0; the first that may lead unless given.
+        structure: "leader" as in D, or "mutual" (sampled data only): every node corrects itself and listens.
+        leader: number of the leading node, from 0; the first that may lead unless given; none in a mutual network.
         chi: coupling; 1.1 times D (13) in continuous time and the best of a search when sampled, unless given.
     """
 
     unknown_inputs: tuple[int, ...] | None = None
+    structure: Literal["leader", "mutual"] = "leader"
     leader: int | None = Field(default=None, ge=0)
     chi: float | None = Field(default=None, gt=0.0)
 
@@ -91,18 +93,18 @@ def design_network(
         unknown_inputs=tuple(one.unknown_inputs for one in solutions),
         misfit=tuple(one.misfit for one in solutions),
     )
-    leader = options.leader if options.leader is not None else (may_lead[0] if may_lead else None)
-    if leader is None or leader not in may_lead:
+    leader = _leader(options, may_lead)
+    if options.structure == "leader" and leader not in may_lead:
         node = 0 if leader is None else leader
         who = "no node can lead" if leader is None else f"node {node + 1} cannot lead"
         modes = ", ".join(f"{mode:.4g}" for mode in failing[node])
         return refused(
             f"{who}: condition (19) of D fails, for node {node + 1} at s = {modes} (undetectable)", report, network
         )
-    Lt = leader_gain(solutions[leader], sampled=report.sampled)
-    bound = None if report.sampled else coupling_bound(solutions, network, leader)
-    chi = options.chi or _coupling(solutions, network, leader, Lt, bound)
-    gains = tuple(assemble(solutions, leader, Lt, chi))
+    corrections = leading(solutions, leader, may_lead, sampled=report.sampled)
+    bound = None if report.sampled or leader is None else coupling_bound(solutions, network, leader)
+    chi = options.chi or _coupling(solutions, network, leader, corrections, bound)
+    gains = tuple(assemble(solutions, leader, corrections, chi))
     reached = stability(error_dynamics(gains, network), sampled=report.sampled)
     report = replace(report, leader=leader, chi=chi, chi_bound=bound, stability=reached)
     if reached >= (1.0 if report.sampled else 0.0):
@@ -156,12 +158,25 @@ def refused(reason: str, report: DistributedReport, network: Network) -> Distrib
     return DistributedDesign(accepted=False, verdict=f"refused: {reason}", report=report, network=network)
 
 
+def _leader(options: DistributedOptions, may_lead: Sequence[int]) -> int | None:
+    """The node asked to lead, or the first that may; None in a mutual network or when nobody may."""
+    if options.structure == "mutual":
+        return None
+    if options.leader is not None:
+        return options.leader
+    return may_lead[0] if may_lead else None
+
+
 def _coupling(
-    solutions: Sequence[NodeSolution], network: Network, leader: int, Lt: NDArray[np.float64], bound: float | None
+    solutions: Sequence[NodeSolution],
+    network: Network,
+    leader: int | None,
+    corrections: Sequence[NDArray[np.float64]],
+    bound: float | None,
 ) -> float:
     """Coupling when none is asked for."""
     if bound is None:
-        return best_coupling(solutions, network, leader, Lt)
+        return best_coupling(solutions, network, leader, corrections)
     return _MARGIN * bound if bound > 0.0 else 1.0  # (13) allows any positive coupling then
 
 
@@ -172,6 +187,8 @@ def _check(data: Sequence[Regressors], network: Network, options: DistributedOpt
         raise MonitorError("nodes differ in the number of states or in the form of their data, expected the same")
     if options.unknown_inputs is not None and len(options.unknown_inputs) != len(data):
         raise MonitorError(f"{len(options.unknown_inputs)} numbers of unknown inputs for {len(data)} nodes")
+    if options.structure == "mutual" and (options.leader is not None or not data[0].sampled):
+        raise MonitorError(f"{KIND}: a mutual network has no leader and is for sampled data")
     if options.leader is not None and options.leader >= network.nodes:
         raise MonitorError(f"leader is {options.leader}, expected 0 to {network.nodes - 1}")
 
@@ -179,7 +196,8 @@ def _check(data: Sequence[Regressors], network: Network, options: DistributedOpt
 def _verdict(report: DistributedReport) -> str:
     unit = "steps" if report.sampled else "time units"
     kind = "radius" if report.sampled else "abscissa"
+    led = "that all listen" if report.leader is None else f"led by node {report.leader + 1}"
     return (
-        f"accepted: {report.nodes} nodes led by node {(report.leader or 0) + 1}, chi = {report.chi:.4g}; errors of the "
+        f"accepted: {report.nodes} nodes {led}, chi = {report.chi:.4g}; errors of the "
         f"whole network shrink to 1 % in {report.convergence:.3g} {unit} ({kind} {report.stability:.4g})"
     )

@@ -4,6 +4,10 @@ Node i runs D (6): z_i' = E_i z_i + F_i u_i + L_i y_i + chi_i sum_j a_ij (xhat_j
 D (21): H = T_y, F = T_u, E = T_x - Lt C for the leader, E = T_x for the others, L = Lt + E H (Lt = 0 for the others).
 The errors obey e' = (diag(E_i) - (diag(chi_i) Lap) kron I) e, chi_leader = 0; in the sampled design e' means e at the
 next sample, and Schur takes the place of Hurwitz.
+
+D asks one node to lead: it corrects itself and listens to nobody, so the network is never faster than that node alone.
+In a mutual network (ours) every node corrects itself, E_i = T_x - Lt_i C_i, and listens: (8) holds for each, the errors
+obey the same equation with chi everywhere, and its spectral radius is the proof.
 """
 
 from __future__ import annotations
@@ -59,11 +63,23 @@ def leader_gain(solution: NodeSolution, *, sampled: bool) -> NDArray[np.float64]
     return np.asarray(gain, dtype=np.float64)
 
 
-def assemble(solutions: Sequence[NodeSolution], leader: int, Lt: NDArray[np.float64], chi: float) -> list[NodeGains]:
-    """D (21) for all nodes."""
+def leading(
+    solutions: Sequence[NodeSolution], leader: int | None, may_lead: Sequence[int], *, sampled: bool
+) -> list[NDArray[np.float64]]:
+    """Lt of every node: the leader's alone in D, and that of each node that may lead in a mutual network."""
+    chosen = may_lead if leader is None else (leader,)
+    return [
+        leader_gain(one, sampled=sampled) if node in chosen else np.zeros_like(one.T_y)
+        for node, one in enumerate(solutions)
+    ]
+
+
+def assemble(
+    solutions: Sequence[NodeSolution], leader: int | None, corrections: Sequence[NDArray[np.float64]], chi: float
+) -> list[NodeGains]:
+    """D (21) for all nodes, with Lt of each; the leader, if there is one, listens to nobody."""
     gains = []
-    for node, solution in enumerate(solutions):
-        correction = Lt if node == leader else np.zeros_like(solution.T_y)
+    for node, (solution, correction) in enumerate(zip(solutions, corrections, strict=True)):
         E = solution.T_x - correction @ solution.C
         gains.append(
             NodeGains(
@@ -101,7 +117,12 @@ def coupling_bound(solutions: Sequence[NodeSolution], network: Network, leader: 
     return max(slowest, default=0.0) / network.grounded(leader)
 
 
-def best_coupling(solutions: Sequence[NodeSolution], network: Network, leader: int, Lt: NDArray[np.float64]) -> float:
+def best_coupling(
+    solutions: Sequence[NodeSolution],
+    network: Network,
+    leader: int | None,
+    corrections: Sequence[NDArray[np.float64]],
+) -> float:
     """Coupling of the smallest spectral radius of a sampled network, by search: (13) has no counterpart there.
 
     A sampled network overshoots when chi times the degree comes near 1, so couplings are tried on a logarithmic grid
@@ -110,7 +131,8 @@ def best_coupling(solutions: Sequence[NodeSolution], network: Network, leader: i
     degree = float(np.max(np.diag(network.laplacian)))
     tried = np.geomspace(_SMALLEST, _LARGEST, _TRIED) / degree
     radii = [
-        stability(error_dynamics(assemble(solutions, leader, Lt, float(chi)), network), sampled=True) for chi in tried
+        stability(error_dynamics(assemble(solutions, leader, corrections, float(chi)), network), sampled=True)
+        for chi in tried
     ]
     return float(tried[int(np.argmin(radii))])
 

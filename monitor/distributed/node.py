@@ -50,6 +50,8 @@ class NodeObserver:
     _feed: Matrix = field(init=False, repr=False, compare=False)
     _misfit: Matrix = field(init=False, repr=False, compare=False)
     _begin: Matrix = field(init=False, repr=False, compare=False)
+    _correction: Matrix = field(init=False, repr=False, compare=False)
+    _direct: Matrix = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         """Lay the matrices out for stepping."""
@@ -61,10 +63,18 @@ class NodeObserver:
         object.__setattr__(self, "_feed", rows_of(np.hstack([np.eye(n), g.H])))
         object.__setattr__(self, "_misfit", rows_of(np.hstack([-g.C, np.eye(p)])))
         object.__setattr__(self, "_begin", rows_of(begin))
+        object.__setattr__(self, "_correction", rows_of(np.asarray(correction, dtype=np.float64)))
+        object.__setattr__(self, "_direct", rows_of(g.H))
 
     def init(self, y: Sequence[Component]) -> Vector:
         """State before the first output is used: the mean state of the data, corrected to fit y."""
         return matvec(self._begin, (*y, 1.0))
+
+    def join(self, y: Sequence[Component], guess: Vector) -> Vector:
+        """State of a node that starts from what others estimate, corrected to fit its own first output."""
+        misfit = matvec(self._misfit, (*guess, *y))
+        estimate = [one + two for one, two in zip(guess, matvec(self._correction, misfit), strict=True)]
+        return tuple([one - two for one, two in zip(estimate, matvec(self._direct, y), strict=True)])
 
     def output(self, state: Vector, y: Sequence[Component]) -> NodeOutput:
         """Estimate and residual at this step, from what the node itself measures."""

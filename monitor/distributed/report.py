@@ -20,7 +20,7 @@ class DistributedReport:
         sampled: the design is for the sampled plant (spectral radius), else for the continuous one (abscissa).
         nodes: N.
         states: n.
-        leader: number of the leading node, from 0.
+        leader: number of the leading node, from 0; None in a mutual network.
         may_lead: nodes for which (19) holds.
         unknown_inputs: r of every node.
         misfit: of (20) on every node's data.

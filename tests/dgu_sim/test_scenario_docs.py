@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
-from dgu_sim import loads, noise, settings
+from dgu_sim import loads, noise, settings, team_settings
 from dgu_sim.attacks import KINDS
 from dgu_sim.detector_defaults import DETECTORS, filled_in
 from dgu_sim.errors import ScenarioError
@@ -33,6 +33,8 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "monitor": settings.MonitorSettings,
     "monitor.observer": settings.ObserverSettings,
     "monitor.detector": settings.DetectorSettings,
+    "monitor.team": team_settings.TeamSettings,
+    "monitor.team.events": team_settings.TeamEventSettings,
     "attacks": settings.AttackSettings,
     **{f"Attack: {kind}": attack for kind, attack in KINDS.items()},
 }
@@ -101,7 +103,7 @@ def test_every_model_of_a_scenario_has_a_section() -> None:
     """A new load, noise or section cannot be forgotten."""
     found = {
         value
-        for module in (loads, noise, settings)
+        for module in (loads, noise, settings, team_settings)
         for value in vars(module).values()
         if isinstance(value, type) and issubclass(value, BaseModel) and value.__module__ == module.__name__
     }

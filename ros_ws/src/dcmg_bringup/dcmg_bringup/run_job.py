@@ -117,10 +117,15 @@ def ros_environment(domain: int) -> dict[str, str]:
 def _follow(wiring: Wiring, group: ProcessGroup, bag: Path, display: Display) -> RunOutcome:
     from dcmg_nodes.view_node import ViewNode  # noqa: PLC0415 (needs the ROS environment of this run)
 
-    def on_alarm(alarm: Alarm) -> None:
+    accusations = {topic.name for topic in (wiring.topics.team.events if wiring.topics.team else ())}
+
+    def on_alarm(topic: str, alarm: Alarm) -> None:
         if alarm.active:
             seconds = alarm.header.stamp.sec + alarm.header.stamp.nanosec * 1e-9
-            display.alarm(f"t = {seconds:7.2f} s  alarm on link {alarm.source}-{alarm.monitor}")
+            what = f"alarm on link {alarm.source}-{alarm.monitor}"
+            if topic in accusations:
+                what = f"member {alarm.monitor} of the team accuses member {alarm.source}"
+            display.alarm(f"t = {seconds:7.2f} s  {what}")
 
     alarms = [topic.name for topic in wiring.topics.all if topic.type_name == "dcmg_msgs/msg/Alarm"]
     view = ViewNode(alarms, on_alarm)

@@ -6,6 +6,7 @@ from functools import partial
 from typing import TYPE_CHECKING
 
 from bags.schema import dgu_name
+from dcmg_nodes.announcer import Announcer
 from dcmg_nodes.inbox import Inbox
 from dcmg_nodes.ports import Ports
 from dgu_sim.grid import Link
@@ -43,6 +44,9 @@ class DguNode:
         codec = topics.history(unit.dgu)
         for experiment in history:
             self.ports.publish(codec.topic.name, codec.encode(experiment))
+        self.announcer: Announcer | None = None
+        if topics.team is not None and wiring.plan is not None:
+            self.announcer = Announcer(self.ports, topics.team, unit.dgu, wiring.plan)
 
     def _receive(self, slot: int, data: bytes) -> None:
         tokens = self._inbox.push(slot, data)
@@ -60,6 +64,8 @@ class DguNode:
         output = self._unit.output(self._state)
         self.ports.publish(self._state_codec.topic.name, self._state_codec.encode(self._step, output))
         self.ports.publish(self._output_codec.topic.name, self._output_codec.encode(self._step, Sample(y=output.y)))
+        if self.announcer is not None:
+            self.announcer.announce(self._step, output)
         self._step += 1
         if self._step == self._steps:
             self.ports.finish()

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 
-from bags.histories import histories_of_run
+from bags.histories import grid_history_of_run, histories_of_run
 from bags.origin import attach_origin, host_facts
 from bags.schema import ATTACKER_NODE, CLOCK_NODE, dgu_name, monitor_name
 from bags.writer import open_recording
@@ -112,7 +112,10 @@ class _Builder:
     def _dgu(self, dgu: int) -> Ports:
         unit = unit_of(self._scenario, dgu)
         history = histories_of_run(self._scenario, dgu)
-        return DguNode(self._wiring, self._host, unit, history, self._scenario.steps).ports
+        node = DguNode(self._wiring, self._host, unit, history, self._scenario.steps)
+        if node.announcer is not None and dgu == self._wiring.topics.dgus[0]:
+            node.announcer.publish_history(grid_history_of_run(self._scenario))
+        return node.ports
 
     def _attacker(self) -> Ports:
         relay, state = relay_of(self._scenario)

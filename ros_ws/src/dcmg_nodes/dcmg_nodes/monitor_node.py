@@ -10,6 +10,7 @@ from bags.convert import design_record, history_of
 from bags.schema import monitor_name
 from dcmg_nodes.inbox import Inbox
 from dcmg_nodes.ports import Ports
+from dcmg_nodes.team_side import TeamSide
 from monitor import detectors, observers
 from monitor.link_monitor import LinkMonitor
 
@@ -62,7 +63,10 @@ class MonitorNode:
         for slot in range(len(links)):
             self.ports.subscribe(self._received[slot].topic, partial(self._receive, slot))
             self.ports.subscribe(self._histories[slot].topic, partial(self._receive_history, slot))
-        self.ports.ready_when(lambda: len(self._monitors) == len(links))
+        self._team: TeamSide | None = None
+        if topics.team is not None and wiring.plan is not None:
+            self._team = TeamSide(self.ports, topics.output(dgu), topics.team, wiring.plan, self._finish_when_done)
+        self.ports.ready_when(lambda: len(self._monitors) == len(links) and (not self._team or self._team.ready))
 
     def _receive_history(self, slot: int, data: bytes) -> None:
         experiments = self._experiments[slot]
@@ -96,7 +100,13 @@ class MonitorNode:
         if self._diagnostics.due(self._step):
             self.ports.publish(self._diagnostics.topic.name, self._diagnostics.encode(self._step, outputs))
         self._step += 1
-        if self._step == self._config.steps:
+        if self._team is not None:
+            self._team.hear(tokens)
+        else:
+            self._finish_when_done()
+
+    def _finish_when_done(self) -> None:
+        if self._step == self._config.steps and (not self._team or self._team.step == self._config.steps):
             self.ports.finish()
 
     def _watch(self, slot: int, data: bytes) -> MonitorOutput:

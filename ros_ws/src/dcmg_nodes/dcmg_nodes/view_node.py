@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from typing import TYPE_CHECKING
 
 import rclpy
@@ -24,10 +25,10 @@ class ViewNode:
 
     Args:
         alarm_topics: topics of `dcmg_msgs/Alarm` to follow.
-        on_alarm: called with every alarm message.
+        on_alarm: called with the topic and every alarm message on it.
     """
 
-    def __init__(self, alarm_topics: Iterable[str], on_alarm: Callable[[Alarm], None]) -> None:
+    def __init__(self, alarm_topics: Iterable[str], on_alarm: Callable[[str, Alarm], None]) -> None:
         """Create a rclpy context of our own, so that a view never disturbs other nodes of the process."""
         self.progress = Progress()
         self.pacing = Pacing()
@@ -42,7 +43,7 @@ class ViewNode:
             create(Progress, PROGRESS, self._on_progress, CONTROL_QOS),
             create(Pacing, PACING, self._on_pacing, CONTROL_QOS),
             create(RunEnd, END, self._on_end, CONTROL_QOS),
-            *(create(Alarm, topic, on_alarm, _ALARM_QOS) for topic in alarm_topics),
+            *(create(Alarm, topic, partial(on_alarm, topic), _ALARM_QOS) for topic in alarm_topics),
         ]
 
     def spin(self, duration_sec: float) -> None:

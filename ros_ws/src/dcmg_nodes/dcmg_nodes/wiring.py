@@ -7,14 +7,17 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from bags.schema import ATTACKER_NODE, CLOCK_NODE, dgu_name, monitor_name, run_topics
+from bags.team import plan_of
 from dgu_sim.unit import unit_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from bags.schema import RunTopics
+    from bags.team_topics import TeamTopics
     from bags.topic import Topic
     from dgu_sim.scenario import Scenario
+    from monitor.team import TeamPlan
 
 RECORDER_NODE = "recorder"
 READY, PROGRESS, PACING, DONE, END = "/run/ready", "/run/progress", "/run/pacing", "/run/done", "/run/end"
@@ -27,10 +30,12 @@ class Wiring:
     Attributes:
         topics: all recorded topics, in canonical order.
         physical: for each DGU the DGUs whose state message it needs.
+        plan: the team of monitors, if there is one.
     """
 
     topics: RunTopics
     physical: Mapping[int, Sequence[int]]
+    plan: TeamPlan | None = None
 
     @property
     def nodes(self) -> tuple[str, ...]:
@@ -66,13 +71,29 @@ class Wiring:
             )
         for link in topics.links:
             readers[topics.received(link).topic.name] = (dgu_name(link.target), monitor_name(link.target))
+        if topics.team is not None and self.plan is not None:
+            readers |= _team_readers(topics, topics.team, self.plan)
         return readers
 
 
 def wiring_of(scenario: Scenario) -> Wiring:
     """Return the static graph of a scenario's run."""
     dgus = tuple(dgu.id for dgu in scenario.dgus)
+    team = scenario.monitor.team is not None
+    topics = run_topics(dgus, scenario.links, scenario.sampling_period_ns, team=team)
     return Wiring(
-        topics=run_topics(dgus, scenario.links, scenario.sampling_period_ns),
+        topics=topics,
         physical={dgu: unit_of(scenario, dgu).physical for dgu in dgus},
+        plan=None if topics.team is None else plan_of(scenario, topics.team),
     )
+
+
+def _team_readers(topics: RunTopics, team: TeamTopics, plan: TeamPlan) -> dict[str, tuple[str, ...]]:
+    """Return who else reads what when the monitors are a team."""
+    readers = {team.history().topic.name: tuple(monitor_name(member) for member in plan.members)}
+    for dgu in team.announcing:
+        readers[team.inputs(dgu).topic.name] = tuple(monitor_name(member) for member in team.unaware(dgu))
+    for member in plan.members:
+        readers[topics.output(member).topic.name] = (ATTACKER_NODE, monitor_name(member))
+        readers[team.estimate(member).topic.name] = tuple(monitor_name(other) for other in plan.neighbours(member))
+    return readers
