@@ -10,7 +10,8 @@ import pytest
 from dcmg_bringup.papers import delayed
 from dcmg_bringup.papers.turan_2021 import DGUS, T_S
 from dgu_sim.matrices import continuous, discretise
-from monitor.delayed import design
+from monitor.delayed import design, model_of
+from monitor.delayed.model_based import design_from_model
 from monitor.history import single
 
 if TYPE_CHECKING:
@@ -40,6 +41,30 @@ def test_figure_is_written(result: delayed.DelayedResult, tmp_path: Path) -> Non
     (path,) = delayed.plot(result, tmp_path / "figures")
     assert path.name == "delayed.png"
     assert path.read_bytes().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("delay", range(7))
+def test_one_output_is_never_decoupled_exactly(delay: int) -> None:
+    """V only: rank Gamma grows by one at most where two are needed, whatever the delay; the refusal says so."""
+    model = model_of(*discretise(*continuous(DGUS[0]), T_S), np.eye(3)[:1])
+    made = design_from_model(model, {"delay": delay, "goal": "exact"}, T_S)
+    assert made.verdict.endswith(f"rank Gamma_delta - rank Gamma_delta-1 is {min(delay, 1)}, expected 2")
+
+
+def test_without_delay_nothing_is_decoupled_exactly() -> None:
+    """Y = x, delay 0: no output shows an unknown input before the next sample (D = 0)."""
+    model = model_of(*discretise(*continuous(DGUS[0]), T_S), np.eye(3))
+    made = design_from_model(model, {"delay": 0, "goal": "exact"}, T_S)
+    assert made.verdict.endswith("rank Gamma_delta - rank Gamma_delta-1 is 0, expected 2")
+
+
+def test_the_factor_by_which_bounds_are_approached_is_printed(result: delayed.DelayedResult) -> None:
+    """One row a case; where a bound is not zero the optimised inputs come within a hundredth of it."""
+    rows = [line for line in delayed.notes(result) if line.startswith("| y")]
+    assert len(rows) == len(delayed.CASES)
+    shares = [float(row.split("|")[-3]) for row in rows if "exact" not in row]
+    assert len(shares) == 6
+    assert all(0.99 < share <= 1.0 for share in shares)
 
 
 CONDUCTANCE = (44.3, 45.0, 31.0, 54.2, 25.0, 22.5)  # sum of 1/R_ij of every DGU's lines [S] (theory.md section 1)

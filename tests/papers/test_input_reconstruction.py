@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from dcmg_bringup.papers import uie, uie_co2
+from monitor.input_reconstruction import design
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -22,6 +23,18 @@ def result() -> uie.UieResult:
 def test_numbers_of_the_page_come_out(result: uie.UieResult) -> None:
     """Spectral radii .7216/.7797 (op-UIE) and .6751/.7797 (cl-UIE), both zeros, and errors that vanish."""
     assert not [check for check in uie.checks(result) if not check.ok]
+
+
+def test_a_plant_with_a_zero_outside_the_circle_is_refused_by_it() -> None:
+    """The same A, B, C with D = diag(2, -2): the record shows the unstable zero, the verdict names it."""
+    feedthrough = np.diag([2.0, -2.0])
+    zeros = np.linalg.eigvals(uie.A - uie.B @ np.linalg.solve(feedthrough, uie.C))
+    (unstable,) = zeros[np.abs(zeros) >= 1.0]
+    u, y = uie._trajectory(feedthrough, uie.AUTHORS_SEED, uie.SAMPLES, 0.0)
+    for kind in ("op_uie", "cl_uie"):
+        made = design(kind, uie._record(u, y), {"past": uie.PAST})
+        assert not made.accepted
+        assert f"the record shows the zeros {unstable.real:.4g}, expected modulus < 1" in made.verdict
 
 
 def test_noise_favours_the_closed_loop_without_truncation(result: uie.UieResult) -> None:

@@ -16,6 +16,7 @@ from bags.recording import ChunkPreset
 from dcmg_bringup import attack_commands, bag_commands, import_commands, jobs, paper_commands
 from dcmg_bringup.design_command import design
 from dcmg_bringup.errors import BringupError
+from dcmg_bringup.reconstruct_command import reconstruct
 from dcmg_bringup.recording_options import (
     BagBufferMb,
     BagChunks,
@@ -28,7 +29,6 @@ from dcmg_bringup.recording_options import (
     CompressionName,
     recording_of,
 )
-from dcmg_bringup.reconstruct_command import reconstruct
 from dcmg_nodes.errors import NodeError
 from dcmg_nodes.options import NodeOptions, PacingMode
 from dgu_sim.errors import DguSimError

@@ -29,7 +29,8 @@ class PaperExperiment:
     """One experiment of a paper.
 
     Attributes:
-        module: module of `dcmg_bringup.papers` with `run(seed)`, `checks(result)` and `plot(result, out_dir)`.
+        module: module of `dcmg_bringup.papers` with `run(seed)`, `checks(result)` and `plot(result, out_dir)`; if
+            it has `notes(result)`, these lines of Markdown are printed and written, too.
         title: what it shows, in one line.
         picture: file name of the one picture that is meant, None: all that the module draws.
         seed: default seed.
@@ -103,6 +104,7 @@ def _repeat(name: str, experiment: PaperExperiment, seed: int, out: Path, *, jso
         result = module.run(seed)
         checks: Sequence[Check] = module.checks(result)
         pictures = [path for path in module.plot(result, out) if experiment.picture in {None, path.name}]
+    notes: Sequence[str] = module.notes(result) if hasattr(module, "notes") else ()
     document = {
         "experiment": name,
         "title": experiment.title,
@@ -110,19 +112,21 @@ def _repeat(name: str, experiment: PaperExperiment, seed: int, out: Path, *, jso
         "checks": [{**asdict(check), "ok": check.ok} for check in checks],
         "pictures": [str(path) for path in pictures],
     }
-    numbers = out / f"{name}.json"
+    files = [out / f"{name}.json", *([out / f"{name}.md"] if notes else [])]
     try:
-        numbers.write_text(json_module.dumps(document, indent=1) + "\n")
+        files[0].write_text(json_module.dumps(document, indent=1) + "\n")
+        for file in files[1:]:
+            file.write_text("\n".join(notes) + "\n")
     except OSError as error:
         raise BringupError(f"--out {out}: cannot be written ({error.strerror})") from error
     if json:
         typer.echo(json_module.dumps(document))
     else:
-        _print(experiment.title, checks, [*pictures, numbers])
+        _print(experiment.title, checks, notes, [*pictures, *files])
     return 0 if all(check.ok for check in checks) else _EXIT_FAILED
 
 
-def _print(title: str, checks: Sequence[Check], files: Sequence[Path]) -> None:
+def _print(title: str, checks: Sequence[Check], notes: Sequence[str], files: Sequence[Path]) -> None:
     console = Console()
     table = Table("checked", "found", "expected", "tolerance", "", title=title, title_justify="left")
     for check in checks:
@@ -130,7 +134,9 @@ def _print(title: str, checks: Sequence[Check], files: Sequence[Path]) -> None:
         table.add_row(check.name, f"{check.value:.6g}", f"{check.expected:.6g}", f"{check.tolerance:g}", verdict)
     console.print(table)
     agree = sum(check.ok for check in checks)
-    console.print(f"{agree} of {len(checks)} numbers agree with what is published")
+    console.print(f"{agree} of {len(checks)} numbers agree with what is expected")
+    for line in notes:
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
     for path in files:
         console.print(str(path), highlight=False, soft_wrap=True)
 

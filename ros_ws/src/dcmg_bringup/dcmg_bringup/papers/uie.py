@@ -43,6 +43,7 @@ NOISY_METHODS: dict[str, tuple[str, dict[str, object]]] = {
     "cl-UIE, truncated": ("cl_uie", {}),
 }
 LARGEST_ZERO = {"D": 0.6751, "D = 0": 0.7797}
+COMPLEX_ZERO = 0.603 + 0.277j  # of the plant with D, next to -.675
 EXPECTED_RADIUS = {"D": (0.7216, 0.6751, 0.6751), "D = 0": (0.7797, 0.7797, 0.7797)}  # in the order of METHODS
 DIGITS = 5e-5  # the page gives four digits
 LMI_MARGIN = 2e-3  # the search over decays stops within 1e-3 of the best one, the solver within as much
@@ -106,6 +107,14 @@ def checks(result: UieResult) -> list[Check]:
         found.append(
             Check(name=f"{case.name}: zero", value=largest, expected=LARGEST_ZERO[case.name], tolerance=DIGITS)
         )
+        if case.name == "D" and zeros is not None:
+            upper = zeros[np.argmax(zeros.imag)]
+            digits = 5e-4  # three of them are given
+            found.append(
+                Check(name="D: zero, real part", value=upper.real, expected=COMPLEX_ZERO.real, tolerance=digits)
+            )
+            imaginary, expected = float(upper.imag), COMPLEX_ZERO.imag
+            found.append(Check(name="D: zero, imaginary part", value=imaginary, expected=expected, tolerance=digits))
         for method, estimate in zip(METHODS, case.estimates, strict=True):
             last = float(np.max(np.abs(estimate - case.u)[-case.designs[0].report.delay - 10 : -2]))
             # 0.78**85 times a first error of order 100 is 7e-8.
