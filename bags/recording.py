@@ -33,7 +33,7 @@ class Chunks:
 
 # the age is what a kill costs; a full chunk keeps the disk, and who else uses the interpreter, busy for milliseconds
 CHUNK_PRESETS: Final = {
-    ChunkPreset.SAFE: Chunks(max_bytes=64 * 1024, max_age_sec=0.1),
+    ChunkPreset.SAFE: Chunks(max_bytes=64 * 1024, max_age_sec=0.05),
     ChunkPreset.BALANCED: Chunks(max_bytes=256 * 1024, max_age_sec=0.25),
     ChunkPreset.COMPACT: Chunks(max_bytes=1024 * 1024, max_age_sec=0.5),
 }

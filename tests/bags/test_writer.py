@@ -173,16 +173,16 @@ def test_topic_without_layout_makes_no_block(tmp_path: Path, topics: RunTopics) 
 
 
 def test_chunks_are_closed_by_age(tmp_path: Path, topics: RunTopics, monkeypatch: pytest.MonkeyPatch) -> None:
-    """A chunk goes to the disk with the first message a tenth of a second after its first one, however small it is."""
+    """A chunk goes to the disk with the first message 0.05 s after its first one, however small it is."""
     now = [100.0]
     monkeypatch.setattr(time, "monotonic", lambda: now[0])
     with BagWriter(tmp_path / "bag", topics.all) as bag:
         file = tmp_path / "bag" / "bag_0.mcap"
         start = file.stat().st_size
-        for now[0] in (100.0, 100.04, 100.08):
+        for now[0] in (100.0, 100.02, 100.04):
             bag.write("/tick", 0, topics.tick().encode(0))
         assert file.stat().st_size == start
-        now[0] = 100.11
+        now[0] = 100.06
         bag.write("/tick", 0, topics.tick().encode(0))
         assert file.stat().st_size > start
 

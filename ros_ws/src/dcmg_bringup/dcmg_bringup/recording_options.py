@@ -30,7 +30,7 @@ BagChunks = Annotated[
     ChunkPreset,
     typer.Option(
         "--bag-chunks",
-        help="safe: 64 KiB or 0.1 s, which is what a killed recorder loses; balanced: 256 KiB or 0.25 s; "
+        help="safe: 64 KiB or 0.05 s, which is what a killed recorder loses; balanced: 256 KiB or 0.25 s; "
         "compact: 1 MiB or 0.5 s, smaller files, quicker reading",
         rich_help_panel=_PANEL,
     ),
