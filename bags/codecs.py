@@ -104,6 +104,11 @@ class OutputCodec:
         """Bytes of step k."""
         return self.layout.pack(*stamp_of(step, self.period_ns), step, self.source, sample.delivered, *sample.y)
 
+    def claims(self, data: bytes) -> tuple[int, int, bool]:
+        """Step and source that the message claims, and whether it holds a sample."""
+        _, _, step, source, delivered, *_ = self.layout.unpack(data)
+        return step, source, delivered
+
     def decode(self, data: bytes) -> tuple[int, Sample]:
         """Step and sample."""
         _, _, step, _, delivered, V, I_t, v = self.layout.unpack(data)

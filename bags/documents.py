@@ -3,18 +3,18 @@
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, cast, final
+from typing import cast, final
 
 import numpy as np
 
-from bags.codecs import stamp_of
 from bags.errors import BagError
 from bags.records import DesignRecord, DiagnosticLevel, HistoryRecord
 from bags.topic import Topic
-from bags.typestore import typestore
+from bags.varying import deserialize, header_of, new_message, serialize
 from dgu_sim.grid import Link
 from dgu_sim.relay import Action, Origin, RelayEvent
 from monitor.link_monitor import MonitorOutput
+from monitor.stream_guard import StreamFault
 
 
 @final
@@ -27,9 +27,9 @@ class AttackEventCodec:
 
     def encode(self, event: RelayEvent) -> bytes:
         """Bytes of one event."""
-        return _serialize(
+        return serialize(
             self.topic.type_name,
-            header=_header(event.step, self.period_ns, str(event.link)),
+            header=header_of(event.step, self.period_ns, str(event.link)),
             step=event.step,
             attack=event.attack,
             source=event.link.source,
@@ -46,7 +46,7 @@ class AttackEventCodec:
         Raises:
             BagError: An action or origin that does not exist.
         """
-        message = _deserialize(self.topic.type_name, data)
+        message = deserialize(self.topic.type_name, data)
         actions = {number: action for action, number in _ACTIONS.items()}
         if message.action not in actions or message.origin not in set(Origin):
             raise BagError(
@@ -79,40 +79,50 @@ class DiagnosticsCodec:
         second = step * self.period_ns // 1_000_000_000
         return step == 0 or second != (step - 1) * self.period_ns // 1_000_000_000
 
-    def encode(self, step: int, outputs: Sequence[MonitorOutput]) -> bytes:
+    def encode(
+        self, step: int, outputs: Sequence[MonitorOutput], faults: Sequence[Sequence[StreamFault]] | None = None
+    ) -> bytes:
         """Bytes of step k.
 
         Args:
             step: k.
             outputs: What the monitor concludes from each incoming link, in the order of `sources`.
+            faults: What is wrong with each link's stream; None: nothing.
         """
-        status = [self._status(source, output) for source, output in zip(self.sources, outputs, strict=True)]
-        return _serialize(
-            self.topic.type_name, header=_header(step, self.period_ns, f"dgu_{self.monitor}"), status=status
+        streams = [()] * len(outputs) if faults is None else faults
+        status = [
+            self._status(source, output, stream)
+            for source, output, stream in zip(self.sources, outputs, streams, strict=True)
+        ]
+        return serialize(
+            self.topic.type_name, header=header_of(step, self.period_ns, f"dgu_{self.monitor}"), status=status
         )
 
     def decode(self, data: bytes) -> Mapping[int, DiagnosticLevel]:
         """Level of each incoming link by the number of the watched DGU."""
-        message = _deserialize(self.topic.type_name, data)
+        message = deserialize(self.topic.type_name, data)
         return {
             int(status.name.rpartition(" ")[2].partition("-")[0]): DiagnosticLevel(status.level)
             for status in message.status
         }
 
-    def _status(self, source: int, output: MonitorOutput) -> object:
+    def _status(self, source: int, output: MonitorOutput, stream: Sequence[StreamFault]) -> object:
         level, sentence = _judge(output)
         values = {
             "phase": _PHASES[int(output.phase)],
             "residual": _plain(output.residual),
             "threshold": _plain(output.threshold),
         }
-        return _message(
+        if stream:
+            values["stream"] = " ".join(fault.value for fault in stream)
+            level, sentence = DiagnosticLevel.ERROR, f"{sentence}; stream: {values['stream']}"
+        return new_message(
             "diagnostic_msgs/msg/DiagnosticStatus",
             level=int(level),
             name=f"monitor_{self.monitor}: link {source}-{self.monitor}",
             message=sentence,
             hardware_id=f"dgu_{self.monitor}",
-            values=[_message("diagnostic_msgs/msg/KeyValue", key=key, value=value) for key, value in values.items()],
+            values=[new_message("diagnostic_msgs/msg/KeyValue", key=key, value=value) for key, value in values.items()],
         )
 
 
@@ -126,9 +136,9 @@ class HistoryCodec:
 
     def encode(self, record: HistoryRecord) -> bytes:
         """Bytes of one experiment."""
-        return _serialize(
+        return serialize(
             self.topic.type_name,
-            header=_header(0, 0, f"dgu_{self.dgu}"),
+            header=header_of(0, 0, f"dgu_{self.dgu}"),
             dgu=record.dgu,
             experiment=record.experiment,
             experiments=record.experiments,
@@ -152,7 +162,7 @@ class HistoryCodec:
         Raises:
             BagError: The arrays do not have the announced shapes.
         """
-        message = _deserialize(self.topic.type_name, data)
+        message = deserialize(self.topic.type_name, data)
         shapes = {name: (message.samples, getattr(message, columns)) for name, columns in _HISTORY_COLUMNS.items()}
         for name, shape in shapes.items():
             if getattr(message, name).size != shape[0] * shape[1]:
@@ -181,9 +191,9 @@ class DesignCodec:
 
     def encode(self, record: DesignRecord) -> bytes:
         """Bytes of one design."""
-        return _serialize(
+        return serialize(
             self.topic.type_name,
-            header=_header(0, 0, f"dgu_{self.monitor}"),
+            header=header_of(0, 0, f"dgu_{self.monitor}"),
             source=record.source,
             monitor=record.monitor,
             observer=record.observer,
@@ -194,7 +204,7 @@ class DesignCodec:
 
     def decode(self, data: bytes) -> DesignRecord:
         """The design."""
-        message = _deserialize(self.topic.type_name, data)
+        message = deserialize(self.topic.type_name, data)
         return DesignRecord(
             source=message.source,
             monitor=message.monitor,
@@ -207,8 +217,6 @@ class DesignCodec:
 
 # the constants of AttackEvent.msg
 _ACTIONS = {Action.START: 1, Action.STOP: 2}
-# RTPS pads a payload to whole words on its way between processes: padded from the start it is the same everywhere
-_RTPS_ALIGNMENT = 4
 _HISTORY_COLUMNS = {"u": "inputs", "y": "outputs", "x": "states", "d": "applied", "w": "own"}
 # the constants of Residual.msg
 _PHASES = ("refused", "settling", "calibrating", "armed")
@@ -226,25 +234,3 @@ def _judge(output: MonitorOutput) -> tuple[DiagnosticLevel, str]:
 
 def _plain(numbers: Iterable[object]) -> str:
     return json.dumps([float(cast("float", number)) for number in numbers])
-
-
-def _header(step: int, period_ns: int, frame_id: str) -> object:
-    sec, nanosec = stamp_of(step, period_ns)
-    stamp = _message("builtin_interfaces/msg/Time", sec=sec, nanosec=nanosec)
-    return _message("std_msgs/msg/Header", stamp=stamp, frame_id=frame_id)
-
-
-def _message(type_name: str, **fields: object) -> Any:  # noqa: ANN401 - rosbags makes its classes at run time
-    return cast("Any", typestore().types[type_name])(**fields)
-
-
-def _serialize(type_name: str, **fields: object) -> bytes:
-    data = bytes(typestore().serialize_cdr(_message(type_name, **fields), type_name, little_endian=True))
-    return data + bytes(-len(data) % _RTPS_ALIGNMENT)
-
-
-def _deserialize(type_name: str, data: bytes) -> Any:  # noqa: ANN401 - rosbags makes its classes at run time
-    try:
-        return typestore().deserialize_cdr(data, type_name)
-    except Exception as error:  # rosbags raises whatever the damaged bytes lead to
-        raise BagError(f"{type_name}: found {len(data)} bytes that cannot be decoded ({error})") from error

@@ -13,14 +13,14 @@ from numpy.typing import NDArray
 
 from bags.ahead import ahead
 from bags.convert import design_record, history_of
+from bags.events import EventState, events_of, relayed_of
 from bags.histories import histories_of_run
-from bags.monitors import MonitorArrays, alarm_changes, design_monitors
+from bags.monitors import MonitorArrays, design_monitors
 from bags.origin import attach_origin
 from bags.recording import CHUNK_PRESETS, ChunkPreset, Recording
 from bags.records import HistoryRecord
 from bags.schema import RunTopics, run_topics
 from bags.team_offline import fill_team, team_of_run, write_team_documents
-from bags.topic import Topic
 from bags.writer import BagWriter
 from dgu_sim.scenario import Scenario
 from dgu_sim.simulate import Block, simulate
@@ -60,7 +60,7 @@ def simulate_to_bag(
     histories = {dgu: history_of(history) for dgu, history in records.items()}
     monitors = design_monitors(topics, scenario.monitor, histories)
     team = team_of_run(scenario, topics)
-    states, alarm = monitors.init(), np.zeros(len(topics.links), dtype=np.bool_)
+    states, told = monitors.init(), EventState.start(topics)
     with BagWriter(
         path,
         topics.all,
@@ -79,10 +79,13 @@ def simulate_to_bag(
             states, outputs = monitors.run(states, block.received[:, 0], block.delivered[:, 0])
             rows = layout.block(block.first_step, len(block.x), topics.sampling_period_ns)
             fill_rows(rows, topics, block, outputs)
-            events = _events(topics, block, outputs, alarm)
+            told, events = events_of(topics, block, outputs, told)
+            for one in block.doubled:
+                second = topics.second(topics.links[one.position]).topic
+                if second.name not in writer.counts:
+                    writer.add_topic(second)
             if team is not None:
                 fill_team(rows, team, block, events)
-            alarm = outputs.alarm[-1]
             cuts = [0, *sorted({row + 1 for row in events} - {len(rows)}), len(rows)]
             for start, end in pairwise(cuts):
                 writer.write_block(layout, rows[start:end])
@@ -105,7 +108,7 @@ def fill_rows(rows: NDArray[np.void], topics: RunTopics, block: Block, outputs: 
     """
     state = {name: getattr(block, name)[:, 0] for name in ("x", "load_current", "reference", "alpha")}
     sent = {"y": block.y[:, 0], "delivered": np.ones(block.alpha[:, 0].shape, dtype=np.bool_)}
-    received = {"y": block.received[:, 0], "delivered": block.delivered[:, 0]}
+    received = dict(zip(("y", "delivered"), relayed_of(block), strict=True))
     concluded = {name: getattr(outputs, name) for name in ("phase", "alarm", "estimate", "residual", "threshold")}
     for position, dgu in enumerate(topics.dgus):
         _fill(rows[topics.state(dgu).topic.name], state, {"dgu": dgu}, position)
@@ -138,28 +141,3 @@ def _write_latched(
     for link, design in zip(topics.links, designs, strict=True):
         codec = topics.design(link)
         writer.write(codec.topic.name, 0, codec.encode(design_record(design, link.source, link.target)))
-
-
-def _events(
-    topics: RunTopics, block: Block, outputs: MonitorArrays, before: NDArray[np.bool_]
-) -> dict[int, list[tuple[Topic, bytes]]]:
-    """Topic and bytes of the messages that follow the per-step messages of a row, in canonical order."""
-    found: dict[int, list[tuple[Topic, bytes]]] = {}
-    for row, position in alarm_changes(outputs.alarm, before, topics.links):
-        link = topics.links[position]
-        alarms = topics.alarms(link.target)
-        data = alarms.encode(block.first_step + row, link.source, outputs.at(row, position))
-        found.setdefault(row, []).append((alarms.topic, data))
-    attacks = topics.attack_events()
-    for one in block.events:
-        row = one.event.step - block.first_step
-        found.setdefault(row, []).append((attacks.topic, attacks.encode(one.event)))
-    for monitor in topics.monitors:
-        diagnostics = topics.diagnostics(monitor)
-        positions = [position for position, link in enumerate(topics.links) if link.target == monitor]
-        for row in range(len(outputs.alarm)):
-            step = block.first_step + row
-            if diagnostics.due(step):
-                data = diagnostics.encode(step, [outputs.at(row, position) for position in positions])
-                found.setdefault(row, []).append((diagnostics.topic, data))
-    return found

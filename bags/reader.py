@@ -7,6 +7,7 @@
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from pathlib import Path
 from typing import TypeVar, final
 
@@ -14,9 +15,11 @@ from bags.codecs import NANOSECONDS_PER_SECOND, AlarmCodec
 from bags.columns import columns_of, decoded, records_of
 from bags.container import ChunkView, Container, open_container, readable
 from bags.errors import BagError
-from bags.records import AlarmRecord, DesignRecord, HistoryRecord
+from bags.origin import SCENARIO_ATTACHMENT
+from bags.records import AlarmRecord, DesignRecord, HistoryRecord, SecondRecord, StreamRecord
 from bags.run_record import RunRecord
 from bags.schema import RunTopics, run_topics
+from bags.second import second_record, spoofed_steps, take_newest, takes_newest
 from bags.team_record import TeamRecord
 from dgu_sim.grid import Link
 from dgu_sim.relay import RelayEvent
@@ -25,6 +28,7 @@ WINDOW_STEPS = 5000
 _STATE_TOPIC = re.compile(r"/dgu_(\d+)/state")
 _RECEIVED_TOPIC = re.compile(r"/dgu_(\d+)/received/dgu_(\d+)")
 _T = TypeVar("_T")
+_Stepped = TypeVar("_Stepped", AlarmRecord, StreamRecord)
 
 
 @final
@@ -72,6 +76,17 @@ class Run:
         start = 0
         for fields in columns.windows(sizes, self._per_step_chunks(columns.by_name)):
             size = min(steps, self.steps - start)
+            seconds = self._seconds(start, start + size)
+            if seconds and takes_newest(self.attachments.get(SCENARIO_ATTACHMENT, b"").decode()):
+                spoofed = spoofed_steps(self.events, self.steps)
+                take_newest(
+                    fields["received"],
+                    fields["delivered"],
+                    seconds,
+                    self.topics.links,
+                    first_step=start,
+                    attacks=spoofed,
+                )
             yield RunRecord(
                 path=self.path,
                 topics=self.topics,
@@ -84,6 +99,8 @@ class Run:
                 alarms=self._alarms(start, start + size),
                 attachments=self.attachments,
                 team=self._team(start, start + size),
+                streams=self._streams(start, start + size),
+                seconds=seconds,
             )
             start += size
         counts = self._container.counts
@@ -110,6 +127,31 @@ class Run:
         """The alarms of steps [start, end): a late one stands behind later steps, but its stamp tells."""
         found: list[AlarmRecord] = []
         decoders = {codec.topic.name: _into(found, codec.decode) for codec in codecs}
+        return self._within(found, decoders, start, end)
+
+    def _streams(self, start: int, end: int) -> tuple[StreamRecord, ...]:
+        """The faults of streams told of steps [start, end)."""
+        found: list[StreamRecord] = []
+        codecs = [self.topics.stream(monitor) for monitor in self.topics.monitors]
+        decoders = {codec.topic.name: _into(found, codec.decode) for codec in codecs}
+        return self._within(found, decoders, start, end)
+
+    def _seconds(self, start: int, end: int) -> tuple[SecondRecord, ...]:
+        """The messages of second publishers that claim steps [start, end)."""
+        found: list[SecondRecord | None] = []
+        decoders = {
+            self.topics.second(link).topic.name: _into(found, partial(second_record, self.topics, link))
+            for link in self.topics.links
+        }
+        if decoders.keys().isdisjoint(self._container.topics):
+            return ()
+        _decode(self._container, decoders)  # whatever their stamps say: anybody may have published them
+        ours = [one for one in found if one is not None and start <= one.step < end]
+        return tuple(sorted(ours, key=lambda one: one.step))
+
+    def _within(
+        self, found: list[_Stepped], decoders: Mapping[str, Callable[[bytes], None]], start: int, end: int
+    ) -> tuple[_Stepped, ...]:
         _decode(self._container, decoders, (self.topics.stamp_ns(start), self.topics.stamp_ns(end) - 1))
         return tuple(sorted((one for one in found if start <= one.step < end), key=lambda one: one.step))
 

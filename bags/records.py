@@ -11,6 +11,8 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
+from dgu_sim.grid import Link
+
 
 class DiagnosticLevel(IntEnum):
     """The levels of diagnostic_msgs/DiagnosticStatus."""
@@ -41,6 +43,46 @@ class AlarmRecord:
     active: bool
     residual: tuple[float, ...]
     threshold: tuple[float, ...]
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StreamRecord:
+    """A fault of the stream of messages on the link source -> monitor appears (active) or is over.
+
+    Attributes:
+        step: Step at which it does.
+        source: Number of the DGU that the stream claims to come from.
+        monitor: Number of the DGU that listens.
+        kind: One of `monitor.stream_guard.StreamFault`.
+        active: True: from this step on; false: this step is in order again.
+        detail: In words.
+    """
+
+    step: int
+    source: int
+    monitor: int
+    kind: str
+    active: bool
+    detail: str
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class SecondRecord:
+    """A message of a second publisher on a link, in order with its step.
+
+    Attributes:
+        step: The step it claims.
+        link: The link.
+        y: What it says, 3 components [V, A, V s].
+        delivered: False: it says that the link lost the sample.
+    """
+
+    step: int
+    link: Link
+    y: tuple[float, ...]
+    delivered: bool
 
 
 @final

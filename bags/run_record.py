@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bags.origin import SCENARIO_ATTACHMENT
-from bags.records import AlarmRecord, DesignRecord, HistoryRecord
+from bags.records import AlarmRecord, DesignRecord, HistoryRecord, SecondRecord, StreamRecord
 from bags.schema import RunTopics
 from bags.team_record import TeamArrays, TeamRecord
 from dgu_sim.grid import Link
@@ -31,7 +31,7 @@ class RunRecord:
         reference: V_ref + alpha, shape (steps, dgus) [V].
         alpha: Secondary correction, shape (steps, dgus) [V].
         y: Outputs as sent, shape (steps, dgus, 3) [V, A, V s].
-        received: Outputs as received, shape (steps, links, 3) [V, A, V s].
+        received: Outputs as the receivers took them, shape (steps, links, 3) [V, A, V s].
         delivered: False where a link lost the sample, shape (steps, links).
         phase: Phase of each monitor (the constants of Residual.msg), shape (steps, links).
         alarm: Verdict of each monitor, shape (steps, links).
@@ -45,6 +45,8 @@ class RunRecord:
         attachments: Documents in the bag by name.
         told: What the members of the team told, None without a team.
         team: Designs and accusations of the team, None without.
+        streams: Faults of the streams of messages that appeared or ended at these steps, in order of time.
+        seconds: Messages of second publishers of these steps, in the order of the bag.
     """
 
     path: Path
@@ -70,6 +72,8 @@ class RunRecord:
     first_step: int = 0
     told: TeamArrays | None = None
     team: TeamRecord | None = None
+    streams: tuple[StreamRecord, ...] = ()
+    seconds: tuple[SecondRecord, ...] = ()
 
     @property
     def links(self) -> tuple[Link, ...]:

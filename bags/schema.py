@@ -6,19 +6,21 @@ that step; latched messages stand before step 0.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import final
 
 from bags.cdr import Layout, layout_of
 from bags.codecs import AlarmCodec, ClockCodec, OutputCodec, ResidualCodec, StateCodec, TickCodec
 from bags.documents import AttackEventCodec, DesignCodec, DiagnosticsCodec, HistoryCodec
+from bags.stream import StreamCodec
 from bags.team_topics import TeamTopics
 from bags.topic import Topic, TopicKind
 from dgu_sim.grid import Link
 
 CLOCK_NODE = "clock"
 ATTACKER_NODE = "attacker"
+SECOND_PUBLISHER = "second_publisher"
 
 
 def dgu_name(dgu: int) -> str:
@@ -68,6 +70,7 @@ class RunTopics:
     def all(self) -> tuple[Topic, ...]:
         """Every recorded topic in canonical order."""
         events = [self.alarms(dgu).topic for dgu in self.monitors]
+        events += [self.stream(dgu).topic for dgu in self.monitors]
         events += [self.attack_events().topic, self._diagnostics_topic()]
         latched = [self.history(dgu).topic for dgu in self.dgus] + [self.design(link).topic for link in self.links]
         if self.team is not None:
@@ -121,6 +124,16 @@ class RunTopics:
         topic, layout = _fixed(name, "dcmg_msgs/msg/Output", ATTACKER_NODE, dgu_name(link.source))
         return OutputCodec(topic=topic, layout=layout, period_ns=self.sampling_period_ns, source=link.source)
 
+    def second(self, link: Link) -> OutputCodec:
+        """What another publisher sent on the topic of `received(link)`, kept beside it in a bag.
+
+        On the wire these messages are on `/dgu_j/received/dgu_i` like all others; a bag does not tell publishers
+        apart, so it has a topic for them, announced with the first one.
+        """
+        received = self.received(link)
+        topic = replace(received.topic, name=f"{received.topic.name}/{SECOND_PUBLISHER}", kind=TopicKind.EVENT)
+        return replace(received, topic=topic)
+
     def residual(self, link: Link) -> ResidualCodec:
         """What the monitor on the link's target concludes."""
         name = f"/dgu_{link.target}/residual/dgu_{link.source}"
@@ -143,6 +156,16 @@ class RunTopics:
             kind=TopicKind.EVENT,
         )
         return AlarmCodec(topic=topic, layout=layout, period_ns=self.sampling_period_ns, monitor=monitor)
+
+    def stream(self, monitor: int) -> StreamCodec:
+        """Appearing and ending faults of the streams into a DGU."""
+        topic = Topic(
+            name=f"/dgu_{monitor}/stream",
+            type_name="dcmg_msgs/msg/StreamEvent",
+            publishers=(monitor_name(monitor),),
+            kind=TopicKind.EVENT,
+        )
+        return StreamCodec(topic=topic, period_ns=self.sampling_period_ns, monitor=monitor)
 
     def attack_events(self) -> AttackEventCodec:
         """Starting and ending attacks."""

@@ -9,10 +9,10 @@ from dgu_sim.attacks import AttackContext, Knowledge, build_attack
 from dgu_sim.errors import AttackError
 from dgu_sim.grid import Link
 from dgu_sim.records import Sample
-from dgu_sim.relay_records import Action, AttackPlan, Origin, RelayEvent, RelayState, RunningAttack
+from dgu_sim.relay_records import Action, AttackPlan, Origin, RelayEvent, RelayState, RunningAttack, Spoofing
 from dgu_sim.signals import first_step
 
-__all__ = ["Action", "AttackPlan", "Origin", "Relay", "RelayEvent", "RelayState", "RunningAttack"]
+__all__ = ["Action", "AttackPlan", "Origin", "Relay", "RelayEvent", "RelayState", "RunningAttack", "Spoofing"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -119,14 +119,15 @@ class Relay:
             outputs: What the DGUs sent, in the order of `dgus`.
 
         Returns:
-            The next state, the received samples in the order of `links`, and the events of attacks that the
-            scenario starts, or that end by themselves, at this step.
+            The next state (with what second publishers sent), the samples that the links deliver in the order of
+            `links`, and the events of attacks that the scenario starts, or that end by themselves, at this step.
         """
         samples = [outputs[source] for source in self.sources]
         if not state.attacks:
             return RelayState(step=state.step + 1, attacks=(), next_number=state.next_number), tuple(samples), ()
         attacks: list[RunningAttack] = []
         events: list[RelayEvent] = []
+        spoofed: dict[int, Sample] = {}
         for one in state.attacks:
             if one.stop_step is not None and state.step >= one.stop_step:
                 events += [one.event(link, Action.STOP, state.step) for link in one.links]
@@ -135,8 +136,13 @@ class Relay:
             else:
                 told = len(one.announced(state.step))
                 events += [one.event(link, Action.START, state.step) for link in one.links[told:]]
-                attacks.append(self._apply(one, samples))
-        following = RelayState(step=state.step + 1, attacks=tuple(attacks), next_number=state.next_number)
+                attacks.append(self._apply(one, samples, spoofed))
+        following = RelayState(
+            step=state.step + 1,
+            attacks=tuple(attacks),
+            next_number=state.next_number,
+            spoofed=tuple(sorted(spoofed.items(), key=lambda item: item[0])),
+        )
         return following, tuple(samples), tuple(events)
 
     def pending(self, state: RelayState) -> tuple[tuple[RelayEvent, float], ...]:
@@ -150,11 +156,21 @@ class Relay:
             for link in one.links
         )
 
-    def _apply(self, one: RunningAttack, samples: list[Sample]) -> RunningAttack:
+    def spoofings(self, state: RelayState) -> tuple[Spoofing, ...]:
+        """Return where, of what is active or scheduled, a second publisher speaks."""
+        return tuple(
+            Spoofing(link=link, first_step=one.start_step, end_step=one.stop_step)
+            for one in state.attacks
+            if one.attack.publishes
+            for link in one.links
+        )
+
+    def _apply(self, one: RunningAttack, samples: list[Sample], spoofed: dict[int, Sample]) -> RunningAttack:
         """Replace the samples of an attack's links in place and return it with its next state."""
         state, changed = one.attack.step(one.state, [samples[position] for position in one.positions])
+        target: list[Sample] | dict[int, Sample] = spoofed if one.attack.publishes else samples
         for position, sample in zip(one.positions, changed, strict=True):
-            samples[position] = sample
+            target[position] = sample
         return one if state is one.state else replace(one, state=state)
 
     def _schedule(
@@ -163,6 +179,8 @@ class Relay:
         positions = tuple(self._position(link) for link in plan.links)
         attack = build_attack(plan.kind, plan.parameters)
         attack.check_links(plan.links)
+        if attack.publishes:
+            self._check_alone(state, plan, start_step, stop_step)
         context = AttackContext(
             links=plan.links,
             sampling_period_sec=self.sampling_period_sec,
@@ -183,6 +201,15 @@ class Relay:
             stop_step=stop_step,
         )
         return replace(state, attacks=(*state.attacks, running), next_number=state.next_number + 1), running
+
+    def _check_alone(self, state: RelayState, plan: AttackPlan, start_step: int, stop_step: int | None) -> None:
+        """Check that no link gets a third publisher, and that a true message comes first: it is what is imitated."""
+        if start_step == 0:
+            raise AttackError(f"{plan.kind} from step 0: expected step 1 or later, a second publisher needs a first")
+        for other in self.spoofings(state):
+            ends = (math.inf if end is None else end for end in (other.end_step, stop_step))
+            if other.link in plan.links and max(other.first_step, start_step) < min(ends):
+                raise AttackError(f"link {other.link}: a second publisher speaks there already, expected one at a time")
 
     def _position(self, link: Link) -> int:
         if link not in self.links:

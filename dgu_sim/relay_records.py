@@ -6,8 +6,9 @@ from enum import StrEnum
 
 from dgu_sim.attacks import Attack
 from dgu_sim.grid import Link
+from dgu_sim.records import Sample
 
-__all__ = ["Action", "AttackPlan", "Origin", "RelayEvent", "RelayState", "RunningAttack"]
+__all__ = ["Action", "AttackPlan", "Origin", "RelayEvent", "RelayState", "RunningAttack", "Spoofing"]
 
 
 class Action(StrEnum):
@@ -114,6 +115,21 @@ class RunningAttack:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Spoofing:
+    """Steps in which a link carries the messages of a second publisher, too.
+
+    Attributes:
+        link: The link.
+        first_step: The first of them.
+        end_step: One past the last; None: until stopped.
+    """
+
+    link: Link
+    first_step: int
+    end_step: int | None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class RelayState:
     """Where the relay is.
 
@@ -121,8 +137,10 @@ class RelayState:
         step: The next step to relay.
         attacks: Scheduled and active attacks, by number.
         next_number: Number of the next attack.
+        spoofed: What second publishers sent at the step just relayed: position of the link and sample, ascending.
     """
 
     step: int
     attacks: tuple[RunningAttack, ...]
     next_number: int
+    spoofed: tuple[tuple[int, Sample], ...] = ()

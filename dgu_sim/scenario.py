@@ -21,6 +21,7 @@ from dgu_sim.settings import (
     HistorySettings,
     LineSettings,
     MonitorSettings,
+    ReceiverSettings,
     SecondarySettings,
 )
 
@@ -44,6 +45,9 @@ class Scenario(Frozen):
     secondary: SecondarySettings = Field(default_factory=SecondarySettings, description="Secondary control.")
     noise: Noise = Field(default_factory=NoNoise, description="Measurement noise of every DGU.")
     history: HistorySettings = Field(default_factory=HistorySettings, description="The offline experiment.")
+    receiver: ReceiverSettings = Field(
+        default_factory=ReceiverSettings, description="What a DGU makes of the messages on its links."
+    )
     monitor: MonitorSettings = Field(default_factory=MonitorSettings, description="Observer and detector.")
     attacks: tuple[AttackSettings, ...] = Field(default=(), description="Attacks that the scenario schedules.")
 

@@ -25,6 +25,7 @@ from dgu_sim.relay import AttackPlan
 from dgu_sim.team_settings import TeamSettings
 
 __all__ = [
+    "Accept",
     "AttackSettings",
     "DetectorSettings",
     "DguSettings",
@@ -34,6 +35,7 @@ __all__ = [
     "MonitorSettings",
     "ObserverSettings",
     "Precision",
+    "ReceiverSettings",
     "SecondarySettings",
 ]
 
@@ -127,6 +129,22 @@ class DguSettings(Frozen):
     def nominal_load(self) -> float:
         """Mean load current at t = 0 [A]."""
         return sum((one.nominal() for one in self.load), 0.0)
+
+
+class Accept(StrEnum):
+    """Which of two messages of the same step a receiver takes."""
+
+    NEWEST = "newest"
+    KNOWN_PUBLISHER = "known_publisher"
+
+
+class ReceiverSettings(Frozen):
+    """What every DGU makes of the messages on its incoming links."""
+
+    accept: Accept = Field(
+        default=Accept.NEWEST,
+        description="Of two messages of the same step: the newest, or the one of the publisher known since step 0.",
+    )
 
 
 class LineSettings(Frozen):

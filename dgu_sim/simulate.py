@@ -12,11 +12,13 @@ from dgu_sim.plant import physical_of
 from dgu_sim.records import Physical, Sample
 from dgu_sim.relay import Relay, RelayEvent, RelayState
 from dgu_sim.scenario import Scenario
+from dgu_sim.settings import Accept
 from dgu_sim.unit import cell_of_all
 
-__all__ = ["Block", "RunEvent", "relay_of", "simulate"]
+__all__ = ["Block", "Doubled", "RunEvent", "relay_of", "simulate"]
 
 BLOCK_STEPS = 1000
+_WIDTH = 3  # components of an output
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,6 +27,27 @@ class RunEvent:
 
     run: int
     event: RelayEvent
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Doubled:
+    """Two messages of one step on one link: what the link delivered, and what a second publisher sent.
+
+    Attributes:
+        step: The step.
+        position: The link, by its place among the links.
+        relayed: y of the first message, shape (runs, 3).
+        relayed_delivered: False where the link lost it, shape (runs,).
+        spoofed: y of the second message, shape (runs, 3).
+        spoofed_delivered: Shape (runs,).
+    """
+
+    step: int
+    position: int
+    relayed: FloatArray
+    relayed_delivered: NDArray[np.bool_]
+    spoofed: FloatArray
+    spoofed_delivered: NDArray[np.bool_]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -38,9 +61,10 @@ class Block:
         load_current: I_L held over each step, shape (steps, runs, DGUs) [A].
         reference: V_ref + alpha held over each step, same shape [V].
         alpha: Secondary correction, same shape [V].
-        received: Received outputs, shape (steps, runs, links, 3).
+        received: Received outputs as the receivers take them, shape (steps, runs, links, 3).
         delivered: False where a link lost the sample, shape (steps, runs, links).
         events: Attack events of these steps, in order of step.
+        doubled: Where a second publisher spoke, in order of step and link.
     """
 
     first_step: int
@@ -52,6 +76,7 @@ class Block:
     received: FloatArray
     delivered: NDArray[np.bool_]
     events: tuple[RunEvent, ...]
+    doubled: tuple[Doubled, ...] = ()
 
 
 def relay_of(scenario: Scenario, seeds: tuple[int, ...] | None = None) -> tuple[Relay, RelayState]:
@@ -93,6 +118,7 @@ def simulate(scenario: Scenario, seeds: Sequence[int] | None = None, block_steps
     for first in range(0, scenario.steps, block_steps):
         buffer = _Buffer.empty(wiring, min(block_steps, scenario.steps - first), len(runs))
         events: list[RelayEvent] = []
+        doubled: list[Doubled] = []
         for row in range(len(buffer.sent)):
             truth, sent = buffer.truth[row], buffer.sent[row]
             received, delivered = buffer.received[row], buffer.delivered[row]
@@ -101,8 +127,11 @@ def simulate(scenario: Scenario, seeds: Sequence[int] | None = None, block_steps
             sent[:] = output.y
             relay_state, occurred = wiring.relay(relay, relay_state, sent, received, delivered)
             events += occurred
+            if relay_state.spoofed:
+                doubled += wiring.spoof(first + row, relay_state, received, delivered)
             state = cell.step(state, wiring.physical(truth), wiring.received(received, delivered))
-        yield buffer.block(first, tuple(RunEvent(run=run, event=one) for one in events for run in range(len(runs))))
+        told = tuple(RunEvent(run=run, event=one) for one in events for run in range(len(runs)))
+        yield buffer.block(first, told, tuple(doubled))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -131,7 +160,7 @@ class _Buffer:
             delivered=np.ones((steps, runs, links), dtype=np.bool_),
         )
 
-    def block(self, first_step: int, events: tuple[RunEvent, ...]) -> Block:
+    def block(self, first_step: int, events: tuple[RunEvent, ...], doubled: tuple[Doubled, ...]) -> Block:
         def component_last(array: FloatArray) -> FloatArray:
             return np.ascontiguousarray(np.moveaxis(array, 1, -1))
 
@@ -145,6 +174,7 @@ class _Buffer:
             received=component_last(self.received),
             delivered=self.delivered,
             events=events,
+            doubled=doubled,
         )
 
 
@@ -158,6 +188,7 @@ class _Wiring:
         physical_slots: Position of the DGU in each slot of each DGU, shape (slots, DGUs).
         link_slots: Position of the link in each slot of each DGU, shape (slots, DGUs).
         wired: False where a DGU has fewer links than slots, shape (1, slots, DGUs).
+        accept: Which of two messages the receivers take.
     """
 
     dgus: int
@@ -165,6 +196,7 @@ class _Wiring:
     physical_slots: NDArray[np.intp]
     link_slots: NDArray[np.intp]
     wired: NDArray[np.bool_]
+    accept: Accept
 
     @classmethod
     def of(cls, scenario: Scenario) -> "_Wiring":
@@ -179,6 +211,7 @@ class _Wiring:
             physical_slots=_padded(physical, list(range(len(grid.dgus)))),
             link_slots=_padded(incoming, [0] * len(grid.dgus)),
             wired=_padded([[1] * len(own) for own in incoming], [0] * len(grid.dgus))[np.newaxis] > 0,
+            accept=scenario.receiver.accept,
         )
 
     def physical(self, truth: FloatArray) -> list[Physical]:
@@ -212,6 +245,26 @@ class _Wiring:
                 received[0, :, position], received[1, :, position], received[2, :, position] = sample.y
                 delivered[:, position] = sample.delivered
         return following, events
+
+    def spoof(
+        self, step: int, state: RelayState, received: FloatArray, delivered: NDArray[np.bool_]
+    ) -> Iterator[Doubled]:
+        """Keep both messages of each spoofed link, and write the one that is taken into its row (3, runs, links)."""
+        for position, sample in state.spoofed:
+            spoofed = np.stack(np.broadcast_arrays(*sample.y, received[0, :, position])[:_WIDTH], axis=-1)
+            arrived = np.broadcast_to(sample.delivered, spoofed.shape[:1]).copy()
+            relayed = np.ascontiguousarray(received[:, :, position].T)
+            yield Doubled(
+                step=step,
+                position=position,
+                relayed=relayed,
+                relayed_delivered=delivered[:, position].copy(),
+                spoofed=spoofed,
+                spoofed_delivered=arrived,
+            )
+            if self.accept is Accept.NEWEST:
+                received[:, :, position] = spoofed.T
+                delivered[:, position] = arrived
 
 
 def _padded(positions: Sequence[Sequence[int]], filler: Sequence[int]) -> NDArray[np.intp]:

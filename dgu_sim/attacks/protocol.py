@@ -21,9 +21,11 @@ class Attack(Frozen):
 
     Attributes:
         knows: What the attacker must know beyond the messages on its links.
+        publishes: Whether its samples are messages of a second publisher, beside those that the link carries.
     """
 
     knows: ClassVar[str] = "nothing"
+    publishes: ClassVar[bool] = False
 
     def check_links(self, links: Sequence[Link]) -> None:
         """Check that the attack can act on these links together.

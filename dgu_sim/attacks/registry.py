@@ -17,6 +17,7 @@ from dgu_sim.attacks.luenberger_stealthy import LuenbergerStealthy
 from dgu_sim.attacks.protocol import Attack
 from dgu_sim.attacks.replay import Replay
 from dgu_sim.attacks.scaling import Scaling
+from dgu_sim.attacks.spoof import Spoof
 from dgu_sim.attacks.uio_stealthy_plane import UioStealthyPlane
 from dgu_sim.attacks.uio_stealthy_trajectory import UioStealthyTrajectory
 from dgu_sim.attacks.zero_sum import ZeroSum
@@ -41,6 +42,7 @@ KINDS: Mapping[str, type[Attack]] = {
     "uio_stealthy_trajectory": UioStealthyTrajectory,
     "luenberger_stealthy": LuenbergerStealthy,
     "covert": Covert,
+    "spoof": Spoof,
 }
 
 

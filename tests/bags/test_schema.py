@@ -25,6 +25,7 @@ def test_canonical_order(chain: RunTopics) -> None:
         *(f"/dgu_{link.target}/received/dgu_{link.source}" for link in LINKS),
         *(f"/dgu_{link.target}/residual/dgu_{link.source}" for link in LINKS),
         *(f"/dgu_{dgu}/alarms" for dgu in (1, 2, 3)),
+        *(f"/dgu_{dgu}/stream" for dgu in (1, 2, 3)),
         "/attacks/events",
         "/diagnostics",
         *(f"/dgu_{dgu}/history" for dgu in (1, 2, 3)),

@@ -34,6 +34,7 @@ EXAMPLES = {
     "uio_stealthy_trajectory": "link: 1-2, current_a: 0.5",
     "luenberger_stealthy": "links: [2-4, 3-4], voltage_v: 0.1",
     "covert": "link: 1-2, load_a: 2",
+    "spoof": "link: 1-2, falsify: {kind: bias, bias: [0.1, 0.1, 0.1]}",
 }
 
 

@@ -25,6 +25,7 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "Load: gaussian": loads.GaussianLoad,
     "Load: table": loads.TableLoad,
     "lines": settings.LineSettings,
+    "receiver": settings.ReceiverSettings,
     "secondary": settings.SecondarySettings,
     "Noise: none": noise.NoNoise,
     "Noise: uniform": noise.UniformNoise,

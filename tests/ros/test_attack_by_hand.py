@@ -26,13 +26,13 @@ def test_an_attack_by_hand_is_on_the_wire_and_in_the_bag(
     """start, list and stop act on the right samples of the right link, and the bag holds both events."""
     run = start_run(long_scenario, "--pacing", "realtime", "--composed")
     run.wait_until_recording()
-    started = dcmg("attack", "start", "--link", "1-2", "--bias", *BIAS)
+    started = dcmg("attack", "start", "bias", "1-2", "--bias", *BIAS)
     assert started.code == 0, started.err
     listed = json.loads(dcmg("attack", "list", "--json").out)
     assert [(one["link"], one["kind"], one["active"], one["origin"]) for one in listed] == [
         ("1-2", "bias", True, "service")
     ]
-    stopped = dcmg("attack", "stop", "--link", "1-2")
+    stopped = dcmg("attack", "stop", "1-2")
     assert stopped.code == 0, stopped.err
     assert run.end(signal.SIGINT).code == 130
 
@@ -60,10 +60,9 @@ def test_wrong_attacks_are_refused_in_one_line(
     run = start_run(long_scenario, "--pacing", "realtime", "--composed")
     run.wait_until_recording()
     for arguments, expected in (
-        (("start", "--link", "1-5", "--bias", *BIAS), "link 1-5: expected a communication link"),
-        (("start", "--link", "one", "--bias", *BIAS), "--link one: expected two DGU numbers"),
-        (("start", "--link", "1-2", "--bias", "nan", "0", "0"), "bias"),
-        (("stop", "--link", "1-2"), "link 1-2: no attack is active"),
+        (("start", "bias", "1-5", "--bias", *BIAS), "link 1-5: expected a communication link"),
+        (("start", "covert", "1-2", "4-5", "9-1"), "link 9-1: expected a communication link"),
+        (("stop", "1-2"), "link 1-2: no attack is active"),
     ):
         finished = dcmg("attack", *arguments)
         assert finished.code == 2

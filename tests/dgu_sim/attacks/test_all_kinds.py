@@ -30,6 +30,7 @@ EXAMPLES = {
     "uio_stealthy_trajectory": "links: [3-1, 4-2], current_a: 0.5, rise_sec: 0.5",
     "luenberger_stealthy": "links: [1-2, 4-2], voltage_v: 0.1",
     "covert": "links: [5-6], load_a: 2",
+    "spoof": "link: 6-1, falsify: {kind: scaling, gain: [1, 0.9, 1]}",
 }
 SHORT = (
     "duration_sec=4",
@@ -46,11 +47,12 @@ def _scenario(shipped: Callable[..., Scenario]) -> Scenario:
 
 
 def _received(scenario: Scenario, sent: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Relay sent outputs (steps, DGUs, 3) as the attacker's node does, in Python floats."""
+    """Relay sent outputs (steps, DGUs, 3) as the attacker's node does, in Python floats; take the newest of two."""
     relay, state = relay_of(scenario)
     y, delivered = [], []
     for row in sent.tolist():
-        state, samples, _ = relay.step(state, [Sample(y=tuple(one)) for one in row])
+        state, relayed, _ = relay.step(state, [Sample(y=tuple(one)) for one in row])
+        samples = [dict(state.spoofed).get(position, sample) for position, sample in enumerate(relayed)]
         assert all(type(value) is float for sample in samples for value in sample.y)
         assert all(type(sample.delivered) is bool for sample in samples)
         y.append([sample.y for sample in samples])

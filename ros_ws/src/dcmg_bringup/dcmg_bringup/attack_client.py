@@ -13,9 +13,11 @@ from dcmg_bringup.errors import BringupError
 from dcmg_bringup.run_job import ros_environment
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator, Mapping
+    from collections.abc import Iterator, Mapping, Sequence
 
     from dcmg_msgs.srv import ListAttacks
+
+    from dgu_sim.grid import Link
 
 _FIND_SEC = 5.0
 _ANSWER_SEC = 5.0
@@ -58,22 +60,24 @@ class AttackClient:
         self._node = Node("dcmg_attack_client", enable_rosout=False, start_parameter_services=False)
 
     def start(
-        self, link: tuple[int, int], kind: str, parameters: Mapping[str, object], duration_sec: float
+        self, links: Sequence[Link], kind: str, parameters: Mapping[str, object], duration_sec: float
     ) -> tuple[int, int]:
-        """Start an attack; return its number and the first affected step.
+        """Start an attack on one or several links; return its number and the first affected step.
 
         Raises:
             AttackClientError: no answer, or refused.
         """
         from dcmg_msgs.srv import StartAttack  # noqa: PLC0415
 
+        first = links[0]
+        told = parameters if len(links) == 1 else {"links": [str(link) for link in links], **parameters}
         request = StartAttack.Request(
-            source=link[0], target=link[1], kind=kind, parameters=json.dumps(parameters), duration_sec=duration_sec
+            source=first.source, target=first.target, kind=kind, parameters=json.dumps(told), duration_sec=duration_sec
         )
         answer = self._call(StartAttack, "/attacks/start", request)
         return answer.attack, answer.step
 
-    def stop(self, link: tuple[int, int]) -> tuple[int, int]:
+    def stop(self, link: Link) -> tuple[int, int]:
         """Stop all attacks on a link; return how many and the first clean step.
 
         Raises:
@@ -81,7 +85,7 @@ class AttackClient:
         """
         from dcmg_msgs.srv import StopAttack  # noqa: PLC0415
 
-        answer = self._call(StopAttack, "/attacks/stop", StopAttack.Request(source=link[0], target=link[1]))
+        answer = self._call(StopAttack, "/attacks/stop", StopAttack.Request(source=link.source, target=link.target))
         return answer.stopped, answer.step
 
     def list(self) -> list[dict[str, object]]:

@@ -6,7 +6,9 @@ import struct
 from collections import deque
 from typing import TYPE_CHECKING, NamedTuple
 
+from bags.stream import claimed_step
 from bags.topic import TopicKind
+from dcmg_nodes.intake import expects
 
 if TYPE_CHECKING:
     from bags.schema import RunTopics
@@ -25,17 +27,22 @@ class Arrival(NamedTuple):
 
     topic: Topic
     data: bytes
+    filed_ns: int | None = None
 
     @property
     def stamp_ns(self) -> int:
-        """Stamp that our messages, and /clock, all begin with [ns]."""
+        """Stamp that our messages, and /clock, all begin with [ns]; of a stranger's message, when it came."""
+        if self.filed_ns is not None:
+            return self.filed_ns
         sec, nanosec = _STAMP.unpack_from(self.data, 4)
         stamp_ns: int = sec * _NANOSECONDS + nanosec
         return stamp_ns
 
     @property
     def frame_id(self) -> str:
-        """Second field of the header."""
+        """Second field of the header; "" of a stranger's message, which may be anything."""
+        if self.filed_ns is not None:
+            return ""
         (length,) = struct.unpack_from("<I", self.data, 12)
         return self.data[16 : 15 + length].decode()
 
@@ -58,6 +65,9 @@ class Assembler:
         self._events: dict[int, list[Arrival]] = {}
         self._diagnostics = topics.diagnostics(topics.monitors[0]) if topics.monitors else None
         self._arrived: dict[int, int] = {}
+        self._seconds = {topics.received(link).topic.name: topics.second(link) for link in topics.links}
+        self._order |= {codec.topic.name: self._order[name] for name, codec in self._seconds.items()}
+        self._spans: dict[str, dict[int, int]] = {}
         self.counts: dict[str, int] = {topic.name: 0 for topic in topics.all}
         self.complete = 0
         self._wanted = self._expected(0)
@@ -83,9 +93,31 @@ class Assembler:
             return []
         return self._take_complete()
 
+    def expect(self, topic: Topic, first_step: int, end_step: int) -> None:
+        """Wait for a second message on a received topic at the steps [first_step, end_step)."""
+        self._spans.setdefault(topic.name, {})[first_step] = end_step
+        self._wanted = self._expected(self.complete)
+
+    def push_second(self, topic: Topic, data: bytes) -> list[Arrival]:
+        """Take a message of another publisher on a received topic; return those of every step that is complete now."""
+        codec = self._seconds[topic.name]
+        step = claimed_step(codec, data)
+        if not expects(self._spans.get(topic.name, {}), step):
+            stranger = Arrival(codec.topic, data, filed_ns=self.complete * self._period_ns)
+            self._events.setdefault(self.complete, []).append(stranger)
+            return []
+        name = codec.topic.name
+        self.counts[name] = self.counts.get(name, 0) + 1
+        self._events.setdefault(step, []).append(Arrival(codec.topic, data))
+        self._arrived[step] = self._arrived.get(step, 0) + 1
+        return self._take_complete()
+
     def overdue(self) -> Topic | None:
         """Return the first topic, in the order of data flow, whose message of the incomplete step is missing."""
-        return next((topic for topic in self._per_step if not self._held[topic.name]), None)
+        late = next((topic for topic in self._per_step if not self._held[topic.name]), None)
+        if late is None and self._arrived.get(self.complete, 0) < self._wanted:
+            return self._overdue_second()
+        return late
 
     def drain(self) -> list[Arrival]:
         """Return what is left, step by step in canonical order, complete or not."""
@@ -95,6 +127,17 @@ class Assembler:
             rest.extend(self._take_step(step))
             step += 1
         return rest
+
+    def _overdue_second(self) -> Topic | None:
+        there = {one.topic.name for one in self._events.get(self.complete, ())}
+        return next(
+            (
+                codec.topic
+                for name, codec in self._seconds.items()
+                if expects(self._spans.get(name, {}), self.complete) and codec.topic.name not in there
+            ),
+            None,
+        )
 
     def _take_complete(self) -> list[Arrival]:
         taken: list[Arrival] = []
@@ -120,9 +163,10 @@ class Assembler:
         return sorted(arrivals, key=lambda arrival: (self._order[arrival.topic.name], _number(arrival.frame_id)))
 
     def _expected(self, step: int) -> int:
+        wanted = len(self._per_step) + sum(expects(spans, step) for spans in self._spans.values())
         if self._diagnostics is None or not self._diagnostics.due(step):
-            return len(self._per_step)
-        return len(self._per_step) + len(self._diagnostics.topic.publishers)
+            return wanted
+        return wanted + len(self._diagnostics.topic.publishers)
 
 
 def _number(frame_id: str) -> int:

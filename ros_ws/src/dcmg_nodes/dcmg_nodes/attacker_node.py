@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import deque
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -12,6 +13,7 @@ from dcmg_msgs.srv import ListAttacks, StartAttack, StopAttack
 from bags.schema import ATTACKER_NODE
 from dcmg_nodes.inbox import Inbox
 from dcmg_nodes.ports import Ports
+from dcmg_nodes.second_publisher import SecondPublishers
 from dgu_sim.errors import AttackError
 from dgu_sim.grid import Link
 
@@ -38,6 +40,8 @@ class AttackerNode:
         topics = wiring.topics
         self._outputs = [topics.output(dgu) for dgu in topics.dgus]
         self._inbox: Inbox[bytes] = Inbox([codec.topic.name for codec in self._outputs])
+        self._complete: deque[Sequence[bytes]] = deque()
+        self._seconds = SecondPublishers(self.ports, self._advance)
         for slot, codec in enumerate(self._outputs):
             self.ports.subscribe(codec.topic, partial(self._receive, slot))
         self._received = [topics.received(link) for link in topics.links]
@@ -52,8 +56,14 @@ class AttackerNode:
     def _receive(self, slot: int, data: bytes) -> None:
         tokens = self._inbox.push(slot, data)
         while tokens is not None:
-            self._fire([token for token in tokens if token is not None])
+            self._complete.append([token for token in tokens if token is not None])
             tokens = self._inbox.take()
+        self._advance()
+
+    def _advance(self) -> None:
+        """Fire what is complete, unless readers do not know yet how many messages the step will have."""
+        while self._complete and self._seconds.tell(self._relay.spoofings(self._state), self._step):
+            self._fire(self._complete.popleft())
 
     def _fire(self, tokens: Sequence[bytes]) -> None:
         outputs = [codec.decode(data)[1] for codec, data in zip(self._outputs, tokens, strict=True)]
@@ -61,6 +71,8 @@ class AttackerNode:
         self._announce(events)
         for codec, sample in zip(self._received, samples, strict=True):
             self.ports.publish(codec.topic.name, codec.encode(self._step, sample))
+        for position, sample in self._state.spoofed:
+            self._seconds.send(self._relay.links[position], self._received[position].encode(self._step, sample))
         self._step += 1
         if self._step == self._steps:
             self.ports.finish()

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
 from bags.schema import dgu_name
+from bags.stream import claimed_step
 from dcmg_nodes.announcer import Announcer
 from dcmg_nodes.inbox import Inbox
+from dcmg_nodes.intake import Intake, taken
 from dcmg_nodes.ports import Ports
+from dcmg_nodes.second_publisher import SecondPublisherReaders
 from dgu_sim.grid import Link
 from dgu_sim.records import Sample
 
@@ -17,36 +21,61 @@ if TYPE_CHECKING:
 
     from bags.records import HistoryRecord
     from dcmg_nodes.host import Host
+    from dcmg_nodes.intake import Others
     from dcmg_nodes.wiring import Wiring
     from dgu_sim.unit import Unit
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DguConfig:
+    """What a DGU is told besides its unit.
+
+    Attributes:
+        steps: number of steps of the run.
+        newest: whether it takes the newest of two messages of one step, or that of the known publisher.
+    """
+
+    steps: int
+    newest: bool
 
 
 class DguNode:
     """Fires step k on tick k, the physical states of k-1 and the received outputs of k-1."""
 
-    def __init__(self, wiring: Wiring, host: Host, unit: Unit, history: Sequence[HistoryRecord], steps: int) -> None:
+    def __init__(
+        self, wiring: Wiring, host: Host, unit: Unit, history: Sequence[HistoryRecord], config: DguConfig
+    ) -> None:
         """Publish the unit's offline experiments and subscribe to what its step needs."""
         self.ports = Ports(dgu_name(unit.dgu), wiring, host)
         self._unit = unit
         self._state = unit.init()
         self._step = 0
-        self._steps = steps
+        self._config = config
         topics = wiring.topics
         self._physical = [topics.state(dgu) for dgu in unit.physical]
-        self._received = [topics.received(Link(source, unit.dgu)) for source in unit.neighbours]
-        inputs = [topics.tick().topic]
-        inputs += [codec.topic for codec in self._physical] + [codec.topic for codec in self._received]
-        names = [topic.name for topic in inputs]
+        links = [Link(source, unit.dgu) for source in unit.neighbours]
+        self._received = [topics.received(link) for link in links]
+        inputs = [topics.tick().topic, *(codec.topic for codec in self._physical)]
+        names = [topic.name for topic in inputs] + [codec.topic.name for codec in self._received]
         self._inbox: Inbox[bytes] = Inbox(names, primed=frozenset(names[1:]))
         for slot, topic in enumerate(inputs):
             self.ports.subscribe(topic, partial(self._receive, slot))
+        expect = {}
+        for slot, (link, codec) in enumerate(zip(links, self._received, strict=True), start=len(inputs)):
+            intake = Intake(partial(claimed_step, codec), partial(self._take, slot))
+            self.ports.subscribe(codec.topic, intake.push, intake.push_other)
+            expect[link] = intake.expect
+        self._seconds = SecondPublisherReaders(self.ports, links, expect)
         self._state_codec, self._output_codec = topics.state(unit.dgu), topics.output(unit.dgu)
-        codec = topics.history(unit.dgu)
+        told = topics.history(unit.dgu)
         for experiment in history:
-            self.ports.publish(codec.topic.name, codec.encode(experiment))
+            self.ports.publish(told.topic.name, told.encode(experiment))
         self.announcer: Announcer | None = None
         if topics.team is not None and wiring.plan is not None:
             self.announcer = Announcer(self.ports, topics.team, unit.dgu, wiring.plan)
+
+    def _take(self, slot: int, own: bytes, others: Others | None) -> None:
+        self._receive(slot, taken(own, others, newest=self._config.newest))
 
     def _receive(self, slot: int, data: bytes) -> None:
         tokens = self._inbox.push(slot, data)
@@ -67,5 +96,5 @@ class DguNode:
         if self.announcer is not None:
             self.announcer.announce(self._step, output)
         self._step += 1
-        if self._step == self._steps:
+        if self._step == self._config.steps:
             self.ports.finish()

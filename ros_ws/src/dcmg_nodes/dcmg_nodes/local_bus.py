@@ -11,7 +11,7 @@ from collections import deque
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Iterable
 
     from rclpy.executors import Executor
 
@@ -29,6 +29,7 @@ class LocalBus:
         """Start without readers."""
         self.nodes = frozenset(nodes)
         self._readers: dict[str, list[Callable[[bytes], None]]] = {}
+        self._second_readers: dict[str, list[Callable[[bytes], None]]] = {}
         self._waiting: deque[tuple[Callable[[bytes], None], bytes]] = deque()
         self._awake = False
 
@@ -40,13 +41,24 @@ class LocalBus:
         """Hand every later message of a topic to `on_bytes`."""
         self._readers.setdefault(topic, []).append(on_bytes)
 
+    def add_second_reader(self, topic: str, on_bytes: Callable[[bytes], None]) -> None:
+        """Hand every later message of another publisher of a topic to `on_bytes`."""
+        self._second_readers.setdefault(topic, []).append(on_bytes)
+
     def readers(self, topic: str) -> int:
         """Count the readers of a topic in this process."""
         return len(self._readers.get(topic, ()))
 
     def send(self, topic: str, data: bytes) -> None:
         """Queue one message for its readers."""
-        for reader in self._readers.get(topic, ()):
+        self._queue(self._readers.get(topic, ()), data)
+
+    def send_second(self, topic: str, data: bytes) -> None:
+        """Queue one message of another publisher for its readers."""
+        self._queue(self._second_readers.get(topic, ()), data)
+
+    def _queue(self, readers: Iterable[Callable[[bytes], None]], data: bytes) -> None:
+        for reader in readers:
             self._waiting.append((reader, data))
         if self._waiting and not self._awake:
             self._awake = True

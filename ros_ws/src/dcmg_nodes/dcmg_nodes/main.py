@@ -17,7 +17,7 @@ from bags.schema import ATTACKER_NODE, CLOCK_NODE, dgu_name, monitor_name
 from bags.writer import open_recording
 from dcmg_nodes.attacker_node import AttackerNode
 from dcmg_nodes.clock_node import ClockConfig, ClockNode
-from dcmg_nodes.dgu_node import DguNode
+from dcmg_nodes.dgu_node import DguConfig, DguNode
 from dcmg_nodes.errors import NodeError
 from dcmg_nodes.executor import make_executor, spin_until
 from dcmg_nodes.host import host_of
@@ -25,6 +25,7 @@ from dcmg_nodes.monitor_node import MonitorConfig, MonitorNode
 from dcmg_nodes.options import BAG, NodeOptions
 from dcmg_nodes.recorder_node import RecorderNode
 from dcmg_nodes.wiring import RECORDER_NODE, Wiring, wiring_of
+from dgu_sim.settings import Accept
 from dgu_sim.simulate import relay_of
 from dgu_sim.unit import unit_of
 
@@ -112,7 +113,8 @@ class _Builder:
     def _dgu(self, dgu: int) -> Ports:
         unit = unit_of(self._scenario, dgu)
         history = histories_of_run(self._scenario, dgu)
-        node = DguNode(self._wiring, self._host, unit, history, self._scenario.steps)
+        config = DguConfig(steps=self._scenario.steps, newest=self._scenario.receiver.accept is Accept.NEWEST)
+        node = DguNode(self._wiring, self._host, unit, history, config)
         if node.announcer is not None and dgu == self._wiring.topics.dgus[0]:
             node.announcer.publish_history(grid_history_of_run(self._scenario))
         return node.ports
@@ -127,6 +129,7 @@ class _Builder:
             detector=(self._scenario.monitor.detector.kind, self._scenario.monitor.detector.options),
             sampling_period_sec=self._scenario.sampling_period_sec,
             steps=self._scenario.steps,
+            newest=self._scenario.receiver.accept is Accept.NEWEST,
         )
         return MonitorNode(self._wiring, self._host, dgu, config).ports
 

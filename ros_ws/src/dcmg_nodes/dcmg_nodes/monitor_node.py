@@ -8,8 +8,12 @@ from typing import TYPE_CHECKING
 
 from bags.convert import design_record, history_of
 from bags.schema import monitor_name
+from bags.stream import claimed_step
 from dcmg_nodes.inbox import Inbox
+from dcmg_nodes.intake import Intake, taken
 from dcmg_nodes.ports import Ports
+from dcmg_nodes.second_publisher import SecondPublisherReaders
+from dcmg_nodes.stream_watch import StreamWatch
 from dcmg_nodes.team_side import TeamSide
 from monitor import detectors, observers
 from monitor.link_monitor import LinkMonitor
@@ -19,6 +23,7 @@ if TYPE_CHECKING:
 
     from bags.records import HistoryRecord
     from dcmg_nodes.host import Host
+    from dcmg_nodes.intake import Others
     from dcmg_nodes.wiring import Wiring
     from monitor.link_monitor import MonitorOutput, MonitorState
 
@@ -32,12 +37,14 @@ class MonitorConfig:
         detector: name of the detector, with its options.
         sampling_period_sec: T_s [s].
         steps: number of steps of the run.
+        newest: whether the newest of two messages of one step counts, or that of the known publisher.
     """
 
     observer: tuple[str, Mapping[str, object]]
     detector: tuple[str, Mapping[str, object]]
     sampling_period_sec: float
     steps: int
+    newest: bool
 
 
 class MonitorNode:
@@ -54,15 +61,20 @@ class MonitorNode:
         self._histories = [topics.history(link.source) for link in links]
         self._designs = [topics.design(link) for link in links]
         self._alarm_codec, self._diagnostics = topics.alarms(dgu), topics.diagnostics(dgu)
+        self._stream_codec, self._streams = topics.stream(dgu), StreamWatch(self._received)
         self._experiments: list[list[HistoryRecord]] = [[] for _ in links]
         self._monitors: dict[int, LinkMonitor] = {}
         self._states: dict[int, MonitorState] = {}
         self._alarms = [False] * len(links)
         self._step = 0
-        self._inbox: Inbox[bytes] = Inbox([codec.topic.name for codec in self._received])
-        for slot in range(len(links)):
-            self.ports.subscribe(self._received[slot].topic, partial(self._receive, slot))
+        self._inbox: Inbox[tuple[bytes, Others | None]] = Inbox([codec.topic.name for codec in self._received])
+        expect = {}
+        for slot, (link, codec) in enumerate(zip(links, self._received, strict=True)):
+            intake = Intake(partial(claimed_step, codec), partial(self._receive, slot))
+            self.ports.subscribe(codec.topic, intake.push, intake.push_other)
+            expect[link] = intake.expect
             self.ports.subscribe(self._histories[slot].topic, partial(self._receive_history, slot))
+        self._seconds = SecondPublisherReaders(self.ports, links, expect)
         self._team: TeamSide | None = None
         if topics.team is not None and wiring.plan is not None:
             self._team = TeamSide(self.ports, topics.output(dgu), topics.team, wiring.plan, self._finish_when_done)
@@ -89,25 +101,34 @@ class MonitorNode:
         record = design_record(design, codec.source, codec.monitor)
         self.ports.publish(codec.topic.name, codec.encode(record))
 
-    def _receive(self, slot: int, data: bytes) -> None:
-        tokens = self._inbox.push(slot, data)
+    def _receive(self, slot: int, own: bytes, others: Others | None) -> None:
+        tokens = self._inbox.push(slot, (own, others))
         while tokens is not None:
             self._fire([token for token in tokens if token is not None])
             tokens = self._inbox.take()
 
-    def _fire(self, tokens: Sequence[bytes]) -> None:
-        outputs = [self._watch(slot, data) for slot, data in enumerate(tokens)]
+    def _fire(self, tokens: Sequence[tuple[bytes, Others | None]]) -> None:
+        for slot, (own, others) in enumerate(tokens):
+            self._guard(slot, own, others)
+        received = [taken(own, others, newest=self._config.newest) for own, others in tokens]
+        outputs = [self._watch(slot, data) for slot, data in enumerate(received)]
         if self._diagnostics.due(self._step):
-            self.ports.publish(self._diagnostics.topic.name, self._diagnostics.encode(self._step, outputs))
+            health = self._diagnostics.encode(self._step, outputs, self._streams.faults)
+            self.ports.publish(self._diagnostics.topic.name, health)
         self._step += 1
         if self._team is not None:
-            self._team.hear(tokens)
+            self._team.hear(received)
         else:
             self._finish_when_done()
 
     def _finish_when_done(self) -> None:
         if self._step == self._config.steps and (not self._team or self._team.step == self._config.steps):
             self.ports.finish()
+
+    def _guard(self, slot: int, own: bytes, others: Others | None) -> None:
+        codec = self._stream_codec
+        for change in self._streams.look(slot, self._step, own, others):
+            self.ports.publish(codec.topic.name, codec.encode(self._step, self._received[slot].source, change))
 
     def _watch(self, slot: int, data: bytes) -> MonitorOutput:
         _, sample = self._received[slot].decode(data)

@@ -7,6 +7,7 @@ Python object is built. Run control (`/run/*`) uses ordinary typed messages.
 from __future__ import annotations
 
 import importlib
+import inspect
 from typing import TYPE_CHECKING, Any
 
 from dcmg_msgs.msg import NodeDone, Ready, RunEnd
@@ -14,6 +15,7 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from bags.qos import Durability
+from bags.schema import SECOND_PUBLISHER
 from bags.topic import TopicKind
 from dcmg_nodes.wiring import DONE, END, READY, RECORDER_NODE, Wiring
 
@@ -64,6 +66,7 @@ class Ports:
         self._publishers: dict[str, tuple[Publisher, int]] = {}
         self._subscriptions: dict[str, tuple[Subscription, int]] = {}
         self._over_dds: dict[str, bool] = {}
+        self._seconds: dict[str, Publisher] = {}
         for topic in wiring.topics.published_by(name):
             qos = data_qos(topic)
             publisher = self.node.create_publisher(message_class(topic.type_name), topic.name, qos)
@@ -86,15 +89,47 @@ class Ports:
         self._bus.send(topic, data)
         self.counts[topic] += 1
 
-    def subscribe(self, topic: Topic, on_bytes: Callable[[bytes], None]) -> None:
-        """Call `on_bytes` with the CDR bytes of every message of a recorded topic."""
+    def subscribe(
+        self, topic: Topic, on_bytes: Callable[[bytes], None], on_other: Callable[[bytes], None] | None = None
+    ) -> None:
+        """Call `on_bytes` with the CDR bytes of every message of a recorded topic.
+
+        With `on_other`, only with those of the publisher that was there at step 0, and `on_other` with all others.
+        """
         if self._is_local(topic):
             self._bus.add_reader(topic.name, on_bytes)
+            if on_other is not None:
+                self._bus.add_second_reader(topic.name, on_other)
             return
+        callback: Any = on_bytes if on_other is None else _Sorted(on_bytes, on_other)
         subscription = self.node.create_subscription(
-            message_class(topic.type_name), topic.name, on_bytes, data_qos(topic), raw=True
+            message_class(topic.type_name), topic.name, callback, data_qos(topic), raw=True
         )
         self._subscriptions[topic.name] = (subscription, len(topic.publishers))
+
+    def open_second(self, topic: Topic) -> None:
+        """Create a second publisher on a topic that the node publishes already."""
+        if topic.name not in self._seconds:
+            kind, qos = message_class(topic.type_name), data_qos(topic)
+            self._seconds[topic.name] = self.node.create_publisher(kind, topic.name, qos)
+            self.counts[second_name(topic)] = 0
+
+    def publish_second(self, topic: Topic, data: bytes) -> None:
+        """Send the CDR bytes of one message through the second publisher of a topic."""
+        self._seconds[topic.name].publish(data)
+        self._bus.send_second(topic.name, data)
+        self.counts[second_name(topic)] += 1
+
+    def second_is_matched(self, topic: Topic) -> bool:
+        """Whether all readers of the run that DDS must reach are there for the second publisher."""
+        return bool(self._seconds[topic.name].get_subscription_count() >= self._remote_readers(topic))
+
+    def hears_second(self, topic: Topic) -> bool:
+        """Whether this reader is matched with a second publisher of a topic."""
+        if topic.name not in self._subscriptions:
+            return True
+        subscription, publishers = self._subscriptions[topic.name]
+        return bool(subscription.get_publisher_count() > publishers)
 
     def ready_when(self, prepared: Callable[[], bool]) -> None:
         """Announce readiness only once `prepared()` holds too."""
@@ -141,6 +176,35 @@ class Ports:
 
     def _on_end(self, _message: RunEnd) -> None:
         self.lifetime.leave(self.name)
+
+
+class _Sorted:
+    """Tells the publisher known since step 0 from others by its sequence numbers, which have no gap.
+
+    rclpy's message info does not say which publisher sent a message, but which of its messages this is. The run's own
+    publisher begins at step 0 with number 1; one that comes later is behind it.
+    """
+
+    # asks rclpy for the message info, which SingleThreadedExecutor hands over as a second argument, and the
+    # EventsExecutor of 7.1.6 as a tuple with the message
+    __signature__ = inspect.signature(lambda data, info: None)  # noqa: ARG005 (only the shape counts)
+
+    def __init__(self, on_own: Callable[[bytes], None], on_other: Callable[[bytes], None]) -> None:
+        self._on_own, self._on_other = on_own, on_other
+        self._next = 1
+
+    def __call__(self, *received: Any) -> None:  # noqa: ANN401 (rclpy's, see above)
+        data, info = received if len(received) > 1 else received[0]
+        if info["publication_sequence_number"] == self._next:
+            self._next += 1
+            self._on_own(data)
+        else:
+            self._on_other(data)
+
+
+def second_name(topic: Topic) -> str:
+    """Return the name under which a bag keeps the messages of a topic's second publisher."""
+    return f"{topic.name}/{SECOND_PUBLISHER}"
 
 
 def data_qos(topic: Topic) -> QoSProfile:

@@ -11,10 +11,11 @@ from dcmg_msgs.msg import NodeDone, Progress, RunEnd
 from bags.topic import TopicKind
 from dcmg_nodes.assembler import Arrival, Assembler
 from dcmg_nodes.ports import CONTROL_QOS, Ports
+from dcmg_nodes.second_publisher import SecondPublisherReaders
 from dcmg_nodes.wiring import DONE, END, PROGRESS, RECORDER_NODE
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
+    from collections.abc import Iterable, Sequence
 
     from bags.topic import Topic
     from bags.writer import BagWriter
@@ -41,6 +42,7 @@ class RecorderNode:
         self._stall_timeout_sec = stall_timeout_sec
         self._assembler = Assembler(wiring.topics)
         self._published: dict[str, int] = dict.fromkeys(self._assembler.counts, 0)
+        self._announced = set(self._published)
         self._unfinished = set(wiring.nodes)
         self._credited = 0
         self._moved_at = self._flushed_at = time.monotonic()
@@ -48,8 +50,15 @@ class RecorderNode:
         self._progress = node.create_publisher(Progress, PROGRESS, CONTROL_QOS)
         self._end = node.create_publisher(RunEnd, END, CONTROL_QOS)
         self._node_done = node.create_subscription(NodeDone, DONE, self._on_done, CONTROL_QOS)
+        spoofable = {wiring.topics.received(link).topic.name: link for link in wiring.topics.links}
+        expect = {}
         for topic in wiring.topics.all:
-            self.ports.subscribe(topic, partial(self._receive, topic))
+            on_other = None
+            if topic.name in spoofable:
+                on_other = partial(self._receive_second, topic)
+                expect[spoofable[topic.name]] = partial(self._assembler.expect, topic)
+            self.ports.subscribe(topic, partial(self._receive, topic), on_other)
+        self._seconds = SecondPublisherReaders(self.ports, wiring.topics.links, expect)
         self._watch_timer = node.create_timer(_WATCH_SEC, self._watch)
         self.ports.ready_when(self._has_latched)
         self.ports.finish()
@@ -62,7 +71,12 @@ class RecorderNode:
             self._writer.close()
 
     def _receive(self, topic: Topic, data: bytes) -> None:
-        arrivals = self._assembler.push(topic, data)
+        self._take(self._assembler.push(topic, data))
+
+    def _receive_second(self, topic: Topic, data: bytes) -> None:
+        self._take(self._assembler.push_second(topic, data))
+
+    def _take(self, arrivals: Sequence[Arrival]) -> None:
         if arrivals:
             self._write(arrivals)
             self._moved_at = time.monotonic()
@@ -73,6 +87,9 @@ class RecorderNode:
 
     def _write(self, arrivals: Iterable[Arrival]) -> None:
         for arrival in arrivals:
+            if arrival.topic.name not in self._announced:
+                self._announced.add(arrival.topic.name)
+                self._writer.add_topic(arrival.topic)
             self._writer.write(arrival.topic.name, arrival.stamp_ns, arrival.data)
 
     def _credit(self, waiting_for: str = "", topic: str = "") -> None:
@@ -84,7 +101,7 @@ class RecorderNode:
 
     def _on_done(self, message: NodeDone) -> None:
         for topic, count in zip(message.topics, message.counts, strict=True):
-            self._published[topic] += count
+            self._published[topic] = self._published.get(topic, 0) + count
         self._unfinished.discard(message.node)
         if not self._unfinished:
             self._end_when_all_arrived()
@@ -121,7 +138,8 @@ class RecorderNode:
         if not started or time.monotonic() - self._moved_at < self._stall_timeout_sec:
             return
         if not self._unfinished:
-            lost = {name: count - self._assembler.counts[name] for name, count in self._published.items()}
+            arrived = self._assembler.counts
+            lost = {name: count - arrived.get(name, 0) for name, count in self._published.items()}
             for name, number in lost.items():
                 if number:
                     loss = f"{number} message(s) of {name} were published and did not arrive"

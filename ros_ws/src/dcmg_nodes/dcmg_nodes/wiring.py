@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from monitor.team import TeamPlan
 
 RECORDER_NODE = "recorder"
+SECOND, SECOND_MATCHED = "/run/second_publisher", "/run/second_publisher_matched"
 READY, PROGRESS, PACING, DONE, END = "/run/ready", "/run/progress", "/run/pacing", "/run/done", "/run/end"
 
 
