@@ -89,14 +89,15 @@ def test_spoofed_by_hand_and_by_an_outsider(
     """A spoof by service steers its receiver from start to stop; a stranger's messages are told and taken by nobody."""
     run = start_run(write_scenario("duration_sec=600", "attacks=[]"), "--pacing", "realtime")
     run.wait_until_recording()
-    started = dcmg("attack", "start", "spoof", "1-2", "--falsify", FALSIFY)
-    assert started.code == 0, started.err
-    (listed,) = json.loads(dcmg("attack", "list", "--json").out)
-    assert listed["kind"] == "spoof"
     (domain,) = [system.domain for system in running_systems() if system.pid == run.process.pid]
+    here = ("--domain", str(domain))
+    started = dcmg("attack", "start", "spoof", "1-2", "--falsify", FALSIFY, *here)
+    assert started.code == 0, started.err
+    (listed,) = json.loads(dcmg("attack", "list", "--json", *here).out)
+    assert listed["kind"] == "spoof"
     environment = {**os.environ, **ros_environment(domain)}
     subprocess.run([sys.executable, "-c", OUTSIDER], env=environment, check=True, timeout=60)
-    stopped = dcmg("attack", "stop", "1-2")
+    stopped = dcmg("attack", "stop", "1-2", *here)
     assert stopped.code == 0, stopped.err
     assert run.end(signal.SIGINT).code == 130
 
