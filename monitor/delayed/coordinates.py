@@ -24,6 +24,7 @@ from monitor.delayed.model import Model
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from monitor.behaviour import Behaviour
     from monitor.history import DataMatrices
 
 
@@ -65,6 +66,32 @@ def represent(data: DataMatrices, C: NDArray[np.float64], unknown_inputs: int) -
         D_u=np.zeros((len(C), known)),
     )
     return Representative(model=model, W=W / largest)
+
+
+def represent_behaviour(data: DataMatrices, behaviour: Behaviour) -> Model:
+    """Model of what remains of a noisy history once the noise is taken off, up to F and G, operating point included.
+
+    What cancels w altogether is the same in all coordinates, so an operating point that came with w may stay in it:
+    one regressor less, and the maximum-likelihood behaviour in place of least squares. |w'| = 1 is the largest of the
+    history, from 0.
+    """
+    n = len(behaviour.L_x)
+    regressors = np.vstack([behaviour.L_x, behaviour.L_u])
+    coefficients = behaviour.L_xf @ np.linalg.pinv(regressors)
+    left, values, _ = np.linalg.svd(behaviour.L_xf - coefficients @ regressors, full_matrices=False)
+    count = behaviour.unknown_inputs
+    B = left[:, :count] * values[:count]
+    W = np.linalg.pinv(B) @ (data.X_f - coefficients @ np.vstack([data.X_p, data.U_p]))
+    largest = float(np.max(np.linalg.norm(W, axis=0), initial=0.0)) if count else 1.0
+    known = coefficients.shape[1] - n
+    return Model(
+        A=coefficients[:, :n],
+        B=B * largest,
+        C=behaviour.C,
+        D=np.zeros((len(behaviour.C), count)),
+        B_u=coefficients[:, n:],
+        D_u=np.zeros((len(behaviour.C), known)),
+    )
 
 
 def with_attacks(model: Model, attacked: tuple[int, ...], bound: float) -> Model:

@@ -65,7 +65,9 @@ def test_stacked_monitors_have_the_bits_of_single_ones(
             assert (found.phase, found.alarm) == (int(expected.phase), bool(expected.alarm))
 
 
-@pytest.mark.parametrize(("kind", "options"), [("delayed", {"delay": 2}), ("cl_uie", {"future": 2})])
+@pytest.mark.parametrize(
+    ("kind", "options"), [("delayed", {"delay": 2}), ("delayed", {"goal": "bounded"}), ("cl_uie", {"future": 2})]
+)
 def test_stacked_observers_of_other_kinds_have_the_bits_of_single_ones(
     kind: str, options: dict[str, object], record: RunRecord, scenario: Scenario
 ) -> None:

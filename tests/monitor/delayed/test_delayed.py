@@ -349,9 +349,9 @@ def test_misuse_raises() -> None:
 
 
 def test_floats_and_arrays_step_to_the_same_bits() -> None:
-    """Runs in arrays are runs in floats, the constant input of the operating point included."""
+    """Runs in arrays are runs in floats, the constant input of the operating point of a bounded design included."""
     history = random_history(dgu(2), np.random.default_rng(2), 30, np.array([11.0, 50.0]))
-    made = design(history, {"delay": 2, "unknown_inputs": 2})
+    made = design(history, {"delay": 2, "unknown_inputs": 2, "goal": "bounded"})
     assert made.observer is not None, made.verdict
     y = np.random.default_rng(6).standard_normal((20, 2, 4))
     alone = []

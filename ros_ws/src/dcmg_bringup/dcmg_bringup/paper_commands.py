@@ -71,6 +71,9 @@ EXPERIMENTS = {
     "delayed": PaperExperiment(
         module="delayed", title="Chakrabarty et al. 2017: delayed UIO with guaranteed performance on a DGU"
     ),
+    "data-gap": PaperExperiment(
+        module="data_gap", title="The price of noisy data: model-based, data-driven and identification-based designs"
+    ),
     "which-observer": PaperExperiment(
         module="which_observer", title="Which observer when: what each sees how fast, and what a step costs"
     ),
