@@ -85,15 +85,14 @@ class ChunkTable:
             channel_ids: Only chunks that hold messages of these channels, or do not say; None: all.
             times_ns: Only chunks that reach into this range of log times, both ends included [ns]; None: all.
         """
-        wanted = np.ones(len(self), dtype=np.bool_)
-        if channel_ids is not None:
-            held = np.concatenate([[0], np.cumsum(np.isin(self.indexes["channel_id"], list(channel_ids)))])
-            found = held[self.bounds[1:]] > held[self.bounds[:-1]]
-            wanted &= found | (self.numbers[:, 2] == 0)
+        rows: NDArray[np.intp] = np.arange(len(self))
         if times_ns is not None:
-            wanted &= (self.times_ns[:, 0] <= times_ns[1]) & (self.times_ns[:, 1] >= times_ns[0])
-        for row in np.flatnonzero(wanted).tolist():
-            yield self._entry(row)
+            rows = np.flatnonzero((self.times_ns[:, 0] <= times_ns[1]) & (self.times_ns[:, 1] >= times_ns[0]))
+        wanted = None if channel_ids is None else np.array(channel_ids, dtype=np.uint16)
+        for row in rows.tolist():
+            entry = self._entry(row)
+            if wanted is None or not entry.index_length or np.isin(entry.indexes["channel_id"], wanted).any():
+                yield entry
 
     def _entry(self, row: int) -> ChunkEntry:
         start, length, index_length, compressed_size = self.numbers[row].tolist()
