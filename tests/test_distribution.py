@@ -43,3 +43,11 @@ def test_wheel_holds_the_message_definitions(wheel_files: set[str]) -> None:
     messages = {f"bags/msg/{path.name}" for path in (ROOT / "ros_ws/src/dcmg_msgs/msg").glob("*.msg")}
     assert messages
     assert messages <= wheel_files
+
+
+def test_wheel_holds_the_golden_bags(wheel_files: set[str]) -> None:
+    """Whoever installs the distribution has recorded runs to try things on, with what they must give."""
+    folder = ROOT / "bags/golden"
+    golden = {str(path.relative_to(ROOT)) for path in folder.rglob("*") if path.suffix in {".mcap", ".yaml", ".json"}}
+    assert any(path.endswith(".mcap") for path in golden)
+    assert golden <= wheel_files

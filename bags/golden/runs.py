@@ -5,23 +5,67 @@ import shutil
 from pathlib import Path
 from typing import Any
 
+from bags.golden.examples import EXAMPLES, result_of, write_example
 from bags.offline import simulate_to_bag
 from bags.reader import read_run
 from bags.report import summary
 from dgu_sim.scenario import load_scenario
 
 _FOLDER = Path(__file__).parent
-_SCENARIO = "three_dgus.yaml"
+_THREE = "three_dgus.yaml"
+_TURAN = "turan_2021.yaml"
 
-_ATTACKS = (
-    "[{kind: bias, link: 1-2, start_sec: 1.5, stop_sec: 2.0, bias: [0.1, 0.1, 0.1]}, "
-    "{kind: bias, link: 3-1, start_sec: 2.5, bias: [0.5, 0.0, 0.0]}]"
+_BIASES = (
+    "[{kind: bias, link: 1-2, start_sec: 1.0, stop_sec: 1.4, bias: [0.1, 0.1, 0.1]}, "
+    "{kind: bias, link: 3-1, start_sec: 1.6, bias: [0.5, 0.0, 0.0]}]"
 )
-GOLDEN: dict[str, tuple[str, ...]] = {
-    "attack_free": ("name=attack_free",),
-    "biased": ("name=biased", f"attacks={_ATTACKS}"),
+# without noise, so that what cannot be seen is zero to rounding; shorter, because a few hundred kB are enough for all
+_EXACT = ("noise={kind: none}", "duration_sec=1.5", "monitor.detector.options.calibrate_sec=0.5")
+_DROPS = (
+    "[{kind: drop, link: 1-2, start_sec: 0.9, stop_sec: 1.1}, "
+    "{kind: drop, link: 3-1, start_sec: 1.0, probability: 0.3}]"
+)
+_TRAJECTORY = (
+    "[{kind: uio_stealthy_trajectory, link: 1-2, start_sec: 0.8, rise_sec: 0.5, voltage_v: 0.5, current_a: 1.0}]"
+)
+_TEAM = (
+    "{samples: 80, settle_sec: 0.6, calibrate_sec: 0.3, "
+    "events: [{member: 3, kind: lies, start_sec: 1.1, stop_sec: 1.3, bias: [1.0, 0.0, 0.0]}]}"
+)
+GOLDEN: dict[str, tuple[str, tuple[str, ...]]] = {
+    "attack_free": (_THREE, ()),
+    "biased": (_THREE, (f"attacks={_BIASES}",)),
+    "stealthy": (
+        _THREE,
+        (
+            *_EXACT,
+            f"attacks={_TRAJECTORY}",
+        ),
+    ),
+    "denial_of_service": (_THREE, (*_EXACT, f"attacks={_DROPS}")),
+    "partial_output": (
+        _THREE,
+        (
+            *_EXACT,
+            "dgus.2.output=[V, I_t]",
+            "monitor.observer={kind: reduced_order, options: {allow_blind: true}}",
+            "attacks=[{kind: bias, link: 1-2, start_sec: 1.0, bias: [0.1, 0.1, 0.1]}]",
+        ),
+    ),
+    "paper_turan_2021": (_TURAN, ()),
+    "paper_delayed": (
+        _THREE,
+        (
+            *_EXACT,
+            "dgus.2.output=[V]",
+            "history.samples=200",
+            "monitor.observer={kind: delayed, options: {delay: 2, unknown_inputs: 2}}",
+            "attacks=[{kind: bias, link: 1-2, start_sec: 1.0, bias: [0.1, 0.1, 0.1]}]",
+        ),
+    ),
+    "paper_distributed": (_THREE, (*_EXACT, f"monitor.team={_TEAM}")),
 }
-"""Name of each golden bag and how its scenario differs from three_dgus.yaml."""
+"""Name of each recorded run, its scenario and how it differs from it."""
 
 
 def golden_path(name: str, folder: Path = _FOLDER) -> Path:
@@ -30,7 +74,7 @@ def golden_path(name: str, folder: Path = _FOLDER) -> Path:
 
 
 def expected_of(name: str, folder: Path = _FOLDER) -> dict[str, Any]:
-    """The expected results: the report of the run, without its path."""
+    """The expected results: the report of the run, without its path; of an example, what the method finds."""
     document: dict[str, Any] = json.loads((folder / f"{name}.json").read_text("utf-8"))
     return document
 
@@ -48,11 +92,22 @@ def record_golden(folder: Path = _FOLDER) -> tuple[Path, ...]:
         BagError: A bag cannot be written.
     """
     folder.mkdir(parents=True, exist_ok=True)
-    for name, overrides in GOLDEN.items():
+    for name in (*GOLDEN, *EXAMPLES):
         path = golden_path(name, folder)
         shutil.rmtree(path, ignore_errors=True)
-        simulate_to_bag(load_scenario(_FOLDER / _SCENARIO, overrides), path)
-        document = summary(read_run(path)).document()
-        del document["bag"]
+        document = _record_run(name, path) if name in GOLDEN else _record_example(name, path)
         (folder / f"{name}.json").write_text(json.dumps(document, indent=1) + "\n", "utf-8")
-    return tuple(golden_path(name, folder) for name in GOLDEN)
+    return tuple(golden_path(name, folder) for name in (*GOLDEN, *EXAMPLES))
+
+
+def _record_run(name: str, path: Path) -> dict[str, Any]:
+    scenario, overrides = GOLDEN[name]
+    simulate_to_bag(load_scenario(_FOLDER / scenario, (f"name={name}", *overrides)), path)
+    document = summary(read_run(path)).document()
+    del document["bag"]
+    return document
+
+
+def _record_example(name: str, path: Path) -> dict[str, Any]:
+    write_example(EXAMPLES[name], path)
+    return result_of(EXAMPLES[name], path)
