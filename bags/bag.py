@@ -21,9 +21,11 @@ from bags.cdr import Layout, layout_of
 from bags.chunk import MESSAGE_HEAD, MESSAGE_HEAD_LENGTH
 from bags.container import ChunkView, Container, open_container, readable
 from bags.errors import BagError
+from bags.typestore import typestore
 
 BLOCK_ROWS = 10_000
 _LENGTH = ".length"  # of the one string in a layout
+_CONSTANT_SEQUENCES = {"dcmg_msgs/msg/TeamEstimate": ("alarm", "estimate", "disagreement", "threshold")}
 
 
 @final
@@ -130,12 +132,14 @@ class Bag:
                 yield int(MESSAGE_HEAD.unpack_from(chunk.data.data, offset)[4]), data
 
     def is_fixed(self, topic: str) -> bool:
-        """Whether `blocks` can read a topic: its type has neither sequences nor more than one string.
+        """Whether `blocks` can read a topic: its type has neither sequences, unless they never change, nor two strings.
 
         Raises:
             BagError: No such topic.
         """
         type_name = self._topic(topic).type_name
+        if type_name in _CONSTANT_SEQUENCES:
+            return True
         try:
             layout_of(type_name)
         except BagError:
@@ -181,17 +185,21 @@ def open_bag(path: Path) -> Bag:
 
 
 def _layout(type_name: str, first: bytes) -> Layout:
-    """Layout of a type whose string, if it has one, holds what it holds in the first message."""
-    layout = layout_of(type_name)
-    names = layout.dtype.names or ()
+    """Layout of a type whose string and sequences, if it has them, are as long as in the first message."""
+    sequences: tuple[tuple[str, int], ...] = ()
+    if type_name in _CONSTANT_SEQUENCES:
+        message = typestore().deserialize_cdr(first, type_name)
+        sequences = tuple((name, len(getattr(message, name))) for name in _CONSTANT_SEQUENCES[type_name])
+    layout = layout_of(type_name, sequences=sequences)
+    names, lengths = layout.dtype.names or (), {f"{name}{_LENGTH}" for name, _ in sequences}
     for name in names:
         fields: Mapping[str, Any] = layout.dtype.fields or {}
-        if name.endswith(_LENGTH) and name.removesuffix(_LENGTH) in names:
+        if name.endswith(_LENGTH) and name.removesuffix(_LENGTH) in names and name not in lengths:
             at = fields[name][1]
             if len(first) < at + 4:
                 raise BagError(f"{type_name}: found {len(first)} bytes, expected {layout.size} or more")
             (length,) = struct.unpack_from("<I", first, at)
-            return layout_of(type_name, first[at + 4 : at + 3 + length].decode())
+            return layout_of(type_name, first[at + 4 : at + 3 + length].decode(), sequences)
     return layout
 
 

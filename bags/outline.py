@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bags.run_record import RunRecord
+from bags.team_outline import TeamOutline, TeamSketch
 from dgu_sim.grid import Link
 from monitor.detectors import Phase
 from monitor.metrics import LinkMetrics, LinkTally, add_steps, init_tally, metrics_of
@@ -30,6 +31,7 @@ class Outline:
         threshold: Thresholds, shape (rows, links, 3) [V, A, V s].
         stretch_sec: Start of each of many short stretches, shape (stretches,) [s].
         peaks: Largest |r| in each stretch, shape (stretches, links, 3): thinning must not hide a spike.
+        team: What its monitors did as a team, None when they were none.
     """
 
     run: RunRecord
@@ -41,6 +43,7 @@ class Outline:
     threshold: NDArray[np.float64]
     stretch_sec: NDArray[np.float64]
     peaks: NDArray[np.float64]
+    team: TeamOutline | None = None
 
     @property
     def duration_sec(self) -> float:
@@ -60,18 +63,20 @@ def outline(windows: Iterable[RunRecord], steps: int) -> Outline:
         steps: Its complete steps, in all windows together.
     """
     sketch = _Sketch(steps=steps)
+    team = TeamSketch(stretches=-(-steps // stretch_length(steps)), length=stretch_length(steps))
     tallies: list[LinkTally] = []
     for window in windows:
         tallies = tallies or [init_tally(window.threshold.shape[2]) for _ in window.links]
         tallies = [_tallied(tally, window, position, steps) for position, tally in enumerate(tallies)]
         sketch.add(window)
+        team.add(window)
         last = window
     period_sec = last.sampling_period_sec
     metrics = tuple(
         metrics_of(tally, last.attack_intervals(link, steps), period_sec)
         for tally, link in zip(tallies, last.links, strict=True)
     )
-    return Outline(run=last, steps=steps, metrics=metrics, **sketch.arrays(period_sec))
+    return Outline(run=last, steps=steps, metrics=metrics, team=team.outline(), **sketch.arrays(period_sec))
 
 
 def outline_of(record: RunRecord) -> Outline:

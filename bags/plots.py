@@ -14,6 +14,7 @@ from matplotlib.ticker import MaxNLocator
 
 from bags.outline import Outline, outline_of
 from bags.run_record import RunRecord
+from bags.team_plot import draw_team
 
 # Okabe and Ito's palette, readable with any colour vision; its vermilion is kept for attacks and alarms
 _COLOURS: Final = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#7F7F00", "#332288", "#999999")
@@ -36,7 +37,8 @@ def draw(run: RunRecord | Outline, folder: Path) -> tuple[Path, ...]:
         folder: Where to; made if it does not exist.
 
     Returns:
-        The files: states.png and residuals.png; none for a run without a complete step.
+        The files: states.png, residuals.png and, of a team of monitors, team.png; none for a run without a complete
+        step.
     """
     outline = run if isinstance(run, Outline) else outline_of(run)
     if not outline.steps:
@@ -45,6 +47,8 @@ def draw(run: RunRecord | Outline, folder: Path) -> tuple[Path, ...]:
     figures = {"states.png": draw_states(outline)}
     if outline.run.links:
         figures["residuals.png"] = draw_residuals(outline)
+    if outline.team is not None:
+        figures["team.png"] = draw_team(outline, outline.team, _prepare, _look)
     for name, figure in figures.items():
         FigureCanvasAgg(figure)
         figure.savefig(folder / name, dpi=_DPI)

@@ -10,6 +10,7 @@ from bags.outline import Outline, outline_of
 from bags.records import DesignRecord
 from bags.run_record import RunRecord
 from bags.schema import dgu_name
+from bags.team_outline import TeamOutline
 from bags.yaml_text import load
 from dgu_sim.grid import Link
 from monitor.metrics import LinkMetrics
@@ -70,6 +71,7 @@ class RunSummary:
         duration_sec: Simulated time of the complete steps [s].
         links: One row for each directed link, by target and source.
         bag: Path of the bag.
+        team: What the monitors did as a team, None when they were none.
     """
 
     scenario: str
@@ -78,15 +80,18 @@ class RunSummary:
     duration_sec: float
     links: tuple[LinkSummary, ...]
     bag: Path
+    team: TeamOutline | None = None
 
     def document(self) -> dict[str, Any]:
         """The JSON document of `dcmg run --json`; every number in it is finite."""
+        team = {} if self.team is None else {"team": self.team.document()}
         return {
             "scenario": self.scenario,
             "seed": self.seed,
             "steps": self.steps,
             "duration_sec": self.duration_sec,
             "links": [link.document() for link in self.links],
+            **team,
             "bag": str(self.bag),
         }
 
@@ -110,6 +115,7 @@ def summary(run: RunRecord | Outline, bag: Path | None = None) -> RunSummary:
         duration_sec=found.duration_sec,
         links=tuple(_link(record.designs.get(link), link, metrics) for link, metrics in rows),
         bag=record.path if bag is None else bag,
+        team=found.team,
     )
 
 

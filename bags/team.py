@@ -10,6 +10,8 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
+from bags.convert import history_of
+from bags.histories import grid_history_of_run
 from bags.records import DesignRecord
 from bags.team_record import TeamArrays
 from bags.team_topics import GRID, TeamTopics
@@ -137,6 +139,17 @@ def run_team(scenario: Scenario, topics: TeamTopics, history: History) -> RunTea
     """
     plan = plan_of(scenario, topics)
     return RunTeam(topics=topics, plan=plan, design=design_team(plan, history))
+
+
+def design_of(scenario: Scenario) -> TeamDesign:
+    """The team that a scenario's monitors will find, from its record of the whole grid.
+
+    Raises:
+        BagError: The bag of histories cannot be read or holds none of the grid.
+        monitor.errors.MonitorError: The record is of another grid.
+    """
+    topics = TeamTopics(dgus=scenario.grid.dgus, links=scenario.links, sampling_period_ns=scenario.sampling_period_ns)
+    return run_team(scenario, topics, history_of(grid_history_of_run(scenario))).design
 
 
 def team_design_record(design: TeamDesign, member: int) -> DesignRecord:

@@ -106,7 +106,9 @@ def unobservable(A: NDArray[np.float64], C: NDArray[np.float64]) -> NDArray[np.f
     basis: NDArray[np.float64] = null_space(C, rcond=_HIDDEN) if len(C) else np.eye(len(A))
     while basis.shape[1]:
         leaving = A @ basis - basis @ (basis.T @ A @ basis)
-        kept = null_space(leaving, rcond=None) if np.linalg.norm(leaving) > _HIDDEN else np.eye(basis.shape[1])
+        size = float(np.linalg.norm(leaving, 2))
+        # rounding grows from round to round: what leaves by less than _HIDDEN does not leave
+        kept = null_space(leaving, rcond=_HIDDEN / size) if size > _HIDDEN else np.eye(basis.shape[1])
         if kept.shape[1] == basis.shape[1]:
             return basis
         basis = basis @ kept

@@ -57,6 +57,21 @@ def _message(draw: st.DrawFn, type_name: str, frame: str) -> tuple[object, list[
     return cast("Any", typestore().types[type_name])(**fields), flat
 
 
+def test_sequences_of_constant_length_are_those_of_rosbags() -> None:
+    """With the numbers of elements given, a message with sequences has the bytes of rosbags' serialiser."""
+    type_name = "dcmg_msgs/msg/TeamEstimate"
+    names = ("alarm", "estimate", "disagreement", "threshold")
+    layout = layout_of(type_name, "dgu_12", tuple(zip(names, (2, 6, 6, 6), strict=True)))
+    numbers = [1, 2, 3, 4, 2, True, False, *(0.5 * one for one in range(18))]
+    data = layout.pack(*numbers)
+    message = typestore().deserialize_cdr(data, type_name)
+    assert bytes(typestore().serialize_cdr(message, type_name)) == data
+    assert list(layout.unpack(data)) == numbers
+    assert np.frombuffer(data, layout.dtype)["disagreement"].tolist() == [[3.0, 3.5, 4.0, 4.5, 5.0, 5.5]]
+    with pytest.raises(BagError, match="alarm has no fixed length"):
+        layout_of(type_name)
+
+
 @pytest.mark.parametrize("type_name", FIXED)
 @settings(max_examples=30, deadline=None)  # seven types
 @given(data=st.data(), frame=_FRAMES)

@@ -8,10 +8,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from bags.bag import open_bag
 from bags.errors import BagError
 from bags.offline import simulate_to_bag
+from bags.plots import draw
 from bags.reader import open_run, read_run
 from bags.replay import replay, replay_windows
+from bags.report import summary
 from bags.run_record import RunRecord
 from bags.team_record import TeamArrays, present
 from dgu_sim.scenario import Scenario, load_scenario, parse_scenario
@@ -91,6 +94,25 @@ def test_an_attack_that_no_link_monitor_sees_is_seen_by_the_team(run: RunRecord)
     assert min(one.step for one in team.alarms if one.step > ATTACK) <= ATTACK + 3
     assert np.max(errors(run)[ATTACK:, 1]) > 1.0
     assert np.max(errors(run)[ATTACK:, [0, 2, 3, 5]]) < 1e-7
+
+
+def test_report_and_picture_tell_of_the_team(run: RunRecord, tmp_path: Path) -> None:
+    """Who was there for how long, who accused whom, and a picture of the errors beside the others."""
+    document = summary(run).document()["team"]
+    assert document["accepted"]
+    rows = {row["member"]: row for row in document["members"]}
+    assert rows[3]["present_sec"] == pytest.approx(14.0 - JOIN * 0.01)
+    assert (rows[4]["accused_by"], rows[4]["first_accused_sec"]) == ((2, 3), pytest.approx((LIE + 1) * 0.01))
+    assert max(rows[6]["last_error"]) < 1e-7
+    assert [path.name for path in draw(run, tmp_path)] == ["states.png", "residuals.png", "team.png"]
+
+
+def test_estimates_are_read_as_blocks(run: RunRecord) -> None:
+    """The public reader knows that the sequences of a team's messages never change their length."""
+    bag = open_bag(run.path)
+    assert bag.is_fixed("/dgu_2/estimate")
+    found = np.concatenate([block.data["estimate"] for block in bag.blocks("/dgu_2/estimate")])
+    assert found.tobytes() == np.ascontiguousarray(told(run).estimate[:, 1]).tobytes()
 
 
 def test_listening_to_a_liar_does_the_harm_that_the_certificate_says(team_scenario: Scenario, tmp_path: Path) -> None:

@@ -25,7 +25,7 @@ from monitor.distributed import (
     sampled,
 )
 from monitor.distributed.baselines import NodeModel, identification_based, model_based, solution_of
-from monitor.distributed.gains import error_dynamics, lie_response
+from monitor.distributed.gains import error_dynamics, lie_response, stability
 from monitor.distributed.solution import NodeSolution, solve_node
 from monitor.errors import HistoryError, MonitorError
 from monitor.history import Experiment, History
@@ -192,6 +192,37 @@ def test_noise_is_never_taken_for_unknown_inputs() -> None:
     assert made.report.unknown_inputs == (1, 2, 1, 2, 2), made.verdict
     refused = design(spring_data(np.random.default_rng(1), 0.3), ring(5), {})
     assert "not clear" in refused.verdict
+
+
+def test_a_mutual_network_is_faster_than_one_with_a_leader() -> None:
+    """When every node corrects itself and listens, errors shrink faster than behind a leader or without listening."""
+    mutual, led = tank_design({"structure": "mutual"}), tank_design()
+    assert mutual.accepted, mutual.verdict
+    assert mutual.report.leader is None
+    assert mutual.report.stability is not None
+    assert led.report.stability is not None
+    alone = [stability(one.E, sampled=True) for one in mutual.gains]
+    assert mutual.report.stability < min(max(alone), led.report.stability)
+    x, w = tank_run(120, 1)
+    errors = exchange(mutual, x, w) - x[:, None, :]
+    M = error_dynamics(mutual.gains, CHAIN)
+    for before, after in pairwise(errors[:21]):
+        assert np.allclose(M @ before.ravel(), after.ravel(), atol=1e-9)
+    with pytest.raises(MonitorError, match="no leader"):
+        tank_design({"structure": "mutual", "leader": 1})
+    with pytest.raises(MonitorError, match="sampled data"):
+        design(spring_data(np.random.default_rng(0)), ring(5), {"structure": "mutual"})
+
+
+def test_a_node_that_joins_keeps_what_it_is_told_where_it_cannot_see() -> None:
+    """Its first estimate fits its own output exactly, and is the guess where no output tells otherwise."""
+    made = tank_design()
+    x, _ = tank_run(1, 5)
+    guess = tuple(x[0] + np.array([0.5, -0.5, 1.0, -1.0]))
+    y = tuple(x[0, near(0)])
+    found = np.array(made.observers[0].output(made.observers[0].join(y, guess), y).estimate)
+    assert np.allclose(found[near(0)], x[0, near(0)], atol=1e-12)
+    assert np.allclose(found[far(0)], np.array(guess)[far(0)], atol=1e-12)
 
 
 def test_misuse_raises() -> None:

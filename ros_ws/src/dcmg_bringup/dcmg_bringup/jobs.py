@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from bags.recording import Recording
     from bags.report import RunSummary
     from bags.run_record import RunRecord
+    from bags.team_outline import TeamOutline
     from dcmg_nodes.options import NodeOptions
     from dgu_sim.scenario import Scenario
 
@@ -205,6 +206,12 @@ def check_monitors(scenario: Scenario) -> None:
         design = observers.design(observer.kind, history, observer.options)
         if not design.accepted:
             _messages.print(f"[yellow]links from DGU {source} are not monitored[/]: {design.verdict}", soft_wrap=True)
+    if scenario.monitor.team is not None:
+        from bags.team import design_of  # noqa: PLC0415 (heavy)
+
+        team = design_of(scenario)
+        if not team.accepted:
+            _messages.print(f"[yellow]no team[/]: {team.verdict}", soft_wrap=True)
 
 
 def _say(line: str) -> None:
@@ -236,7 +243,8 @@ def _is_partial(scenario: Scenario, recording: Recording) -> bool:
     """Whether topics are left out that a report needs."""
     from bags.schema import run_topics  # noqa: PLC0415 (heavy)
 
-    topics = run_topics(scenario.grid.dgus, scenario.links, scenario.sampling_period_ns)
+    team = scenario.monitor.team is not None
+    topics = run_topics(scenario.grid.dgus, scenario.links, scenario.sampling_period_ns, team=team)
     return not all(recording.topics.accepts(topic.name) for topic in topics.per_step)
 
 
@@ -268,9 +276,28 @@ def _print(result: RunSummary, pictures: Sequence[Path], *, json: bool) -> None:
         return
     console = Console()
     console.print(_table(result))
+    if result.team is not None:
+        console.print(_team_table(result.team))
     console.print(f"bag:   {result.bag}", highlight=False, soft_wrap=True)
     for path in pictures:
         console.print(f"plot:  {path}", highlight=False, soft_wrap=True)
+
+
+def _team_table(team: TeamOutline) -> Table:
+    table = Table(title=f"team: {team.verdict}", title_justify="left")
+    for heading in ("member", "there for [s]", "last error V", "I_t", "v", "accused by", "from [s]"):
+        table.add_column(heading, justify="right")
+    for one in team.members:
+        errors = ("", "", "") if one.last_error is None else (f"{value:.1e}" for value in one.last_error)
+        table.add_row(
+            str(one.member),
+            f"{one.present_sec:.2f}",
+            *errors,
+            ", ".join(map(str, one.accused_by)),
+            "" if one.first_accused_sec is None else f"{one.first_accused_sec:.2f}",
+            style="bold red" if one.accused_by else None,
+        )
+    return table
 
 
 def _table(result: RunSummary) -> Table:
