@@ -1,32 +1,33 @@
-"""Which observer when: every method of this project on one neighbour (DGU 1), under the same attacks and noise.
+"""Which observer when: every method of this project as neighbour 2 of DGU 1 would use it, under the same attacks.
 
-What is compared is what a monitor gets from a method: its needs (outputs, records, delay), which biases its residual or
-its reconstructed input shows and how many steps after their start, and what it costs.
+What is compared is what a monitor gets from a method: its needs (outputs, record, delay, communication), which biases
+its residual or its reconstructed input shows and how many samples after their start, and what it costs. Link methods
+watch DGU 1 alone; the distributed observer watches it as node 2 of the six-DGU grid.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from time import perf_counter
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from dcmg_bringup.papers.check import Check
 from dcmg_bringup.papers.turan_2021 import DGUS, T_S
+from dcmg_bringup.papers.which_methods import METHODS, Method, Watched
+from dcmg_bringup.papers.which_team import floats_heard, record_residuals, step_time_us, team_on_grid
 from dgu_sim.matrices import continuous, discretise
-from monitor import delayed, input_reconstruction, observers
+from monitor.errors import MonitorError
 from monitor.history import Experiment, History
 
 if TYPE_CHECKING:
-    from collections.abc import Callable, Sequence
     from pathlib import Path
 
     from numpy.typing import NDArray
 
-    from monitor.linear import Component, Vector
-    from monitor.observers import Estimate
+    from monitor.linear import Vector
 
 SAMPLES = 60
 NOISE = 1e-3  # on every output sent, units of y
@@ -36,13 +37,8 @@ FLOOR = 1e-9  # a blind residual is rounding, which an attack may well move
 RUNS = 30
 SEEN_IN = 0.9  # an attack counts as seen when this share of the runs sees it
 ATTACKS = {"V + 0.1": (0.1, 0.0, 0.0), "I_t + 0.5": (0.0, 0.5, 0.0), "v + 0.01": (0.0, 0.0, 0.01)}
-TIMED_STEPS = 1000
-
-
-class _Runs(Protocol):
-    def init(self, u: Sequence[Component], y: Sequence[Component]) -> Vector: ...
-
-    def step(self, state: Vector, u: Sequence[Component], y: Sequence[Component]) -> tuple[Vector, Estimate]: ...
+TIMED_STEPS = 200
+FEWEST = 5  # samples from which a smallest history is searched
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -51,18 +47,24 @@ class Row:
 
     Attributes:
         name: the method and the outputs it gets.
-        outputs: how many of (V, I_t, v) it gets.
-        delay: steps by which what it tells lags.
+        gives: what a monitor gets from it.
+        record: what the history must hold besides y.
+        fewest: samples in the shortest exact history that it accepts; 0 when that was not looked for.
+        heard: numbers received in a step.
+        lag: steps by which what it tells lags.
         order: components of its state.
-        blind: its residual shows no falsification whatever.
+        blind: what is watched shows no falsification whatever.
         design_sec: wall-clock time of the design.
         step_us: wall-clock time of one step in Python floats.
         detection: for each of ATTACKS the median steps from start to alarm, NaN when not seen.
     """
 
     name: str
-    outputs: int
-    delay: int
+    gives: str
+    record: str
+    fewest: int
+    heard: int
+    lag: int
     order: int
     blind: bool
     design_sec: float
@@ -83,16 +85,6 @@ class WhichResult:
     rows: tuple[Row, ...]
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Method:
-    """How to design a method, and whether the reconstructed input (its last component) or the residual is watched."""
-
-    name: str
-    outputs: int
-    design: Callable[[History], tuple[_Runs | None, int, bool, str]]
-    watched: slice | None = None
-
-
 def run(seed: int = 0) -> WhichResult:
     """Design all methods from one history, calibrate, attack."""
     A, E = discretise(*continuous(DGUS[0]), T_S)
@@ -101,24 +93,35 @@ def run(seed: int = 0) -> WhichResult:
     online = np.array([9.0, 47.0])[:, None]
     online = online + np.random.default_rng((seed, 1)).uniform(-0.5, 0.5, (SETTLE + QUIET + ATTACKED, 2, RUNS))
     truth = _states(A, E, np.repeat([[46.78], [9.0], [11.0]], RUNS, axis=1), online)
-    noise = NOISE * np.random.default_rng((seed, 2)).standard_normal(truth.shape)
-    return WhichResult(seed=seed, rows=tuple(_row(one, x, d, truth + noise) for one in METHODS))
+    received = truth + NOISE * np.random.default_rng((seed, 2)).standard_normal(truth.shape)
+    rows = [_row(method, x, d, received) for method in METHODS]
+    return WhichResult(seed=seed, rows=(*rows, _team_row(seed)))
 
 
 def checks(result: WhichResult) -> list[Check]:
     """What the theory says beforehand: as many outputs as unknown inputs make an exact observer blind."""
     by_name = {row.name: row for row in result.rows}
-    expected = {"full order, y = x": False, "delayed 1, y = x": False, "delayed 1, y = (V, I_t)": True}
-    return [
+    expected = {"full_order, y = x": False, "delayed 1, y = x": False, "delayed 1, y = (V, I_t)": True}
+    found = [
         Check(name=f"blind: {name}", value=float(by_name[name].blind), expected=float(blind), tolerance=0.0)
         for name, blind in expected.items()
     ]
+    for row in result.rows:
+        if row.blind:
+            seen = float(np.count_nonzero(np.isfinite(row.detection)))
+            found.append(Check(name=f"attacks seen: {row.name}", value=seen, expected=0.0, tolerance=0.0))
+    return found
+
+
+def notes(result: WhichResult) -> list[str]:
+    """The table of the docs."""
+    return table(result).splitlines()
 
 
 def plot(result: WhichResult, out_dir: Path) -> list[Path]:
-    """Draw steps to detection for every attack and the time of one step."""
+    """Draw steps to detection for every attack, and the time of one step."""
     out_dir.mkdir(parents=True, exist_ok=True)
-    figure = Figure(figsize=(11.0, 5.0), layout="constrained")
+    figure = Figure(figsize=(11.0, 6.0), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True, width_ratios=(2, 1))
     rows = np.arange(len(result.rows))
     for number, attack in enumerate(ATTACKS):
@@ -131,19 +134,21 @@ def plot(result: WhichResult, out_dir: Path) -> list[Path]:
     left.legend()
     right.barh(rows, [row.step_us for row in result.rows], color="0.6")
     right.set_xlabel("one step [us]")
+    right.set_xscale("log")
     path = out_dir / "which_observer.png"
-    figure.savefig(path, dpi=130)
+    figure.savefig(path, dpi=90)
     return [path]
 
 
 def table(result: WhichResult) -> str:
     """Markdown table of the rows, as in the docs."""
-    head = "| method | outputs | delay | order | design s | step us | " + " | ".join(ATTACKS) + " |"
-    lines = [head, "|" + "---|" * (6 + len(ATTACKS))]
+    columns = ("method", "gives", "record", "fewest samples", "floats heard", "lag", "order", "design s", "step us")
+    lines = ["| " + " | ".join([*columns, *ATTACKS]) + " |", "|" + "---|" * (len(columns) + len(ATTACKS))]
     for row in result.rows:
-        seen = ["not seen" if np.isnan(one) else f"{one:.0f}" for one in row.detection]
-        cells = [row.name + (" (blind)" if row.blind else ""), str(row.outputs), str(row.delay), str(row.order)]
-        lines.append("| " + " | ".join([*cells, f"{row.design_sec:.2f}", f"{row.step_us:.0f}", *seen]) + " |")
+        seen = ["-" if np.isnan(one) else f"{one:.0f}" for one in row.detection]
+        name = row.name + (" (blind)" if row.blind else "")
+        needs = [row.gives, row.record, str(row.fewest or "-"), str(row.heard), str(row.lag), str(row.order)]
+        lines.append("| " + " | ".join([name, *needs, f"{row.design_sec:.2g}", f"{row.step_us:.0f}", *seen]) + " |")
     return "\n".join(lines)
 
 
@@ -157,137 +162,102 @@ def _states(
     return np.array(rows)
 
 
-def _row(method: _Method, x: NDArray[np.float64], d: NDArray[np.float64], received: NDArray[np.float64]) -> Row:
+def _row(method: Method, x: NDArray[np.float64], d: NDArray[np.float64], received: NDArray[np.float64]) -> Row:
     """Design, time and attack one method."""
-    sent = method.outputs
     history = _history(method, x, d)
     began = perf_counter()
-    observer, delay, blind, verdict = method.design(history)
+    made = method.design(history)
     design_sec = perf_counter() - began
-    if observer is None:
-        raise TypeError(f"{method.name}: {verdict}")
-    state = observer.init((), tuple(received[0, :sent]))
-    order = len(state)
-    watched = method.watched
-    quiet, armed = [], state
-    for step, y in enumerate(received[: SETTLE + QUIET]):
-        armed, output = observer.step(armed, (), tuple(y[:sent]))
-        if step >= SETTLE:
-            quiet.append(_watch(output, watched, received.shape[2]))
-    middle = np.mean(quiet, axis=(0, 2))[:, None]  # the plant's own level of what is watched
-    threshold = np.maximum(MARGIN * np.max(np.abs(np.array(quiet) - middle), axis=(0, 2))[:, None], FLOOR)
-    detection = tuple(
-        _detect(
-            observer,
-            armed,
-            received[SETTLE + QUIET :, :sent] + np.array(bias)[:sent, None],
-            method,
-            (middle, threshold),
-        )
-        for bias in ATTACKS.values()
-    )
+    watched = made.watched
+    if watched is None:
+        raise TypeError(f"{method.name}: {made.verdict}")
+    y = received[:, : method.outputs]
+    order = len(watched.init(tuple(y[0])))
+    armed, quiet = _run(watched, watched.init(tuple(y[0])), y[: SETTLE + QUIET])
+    biases = [np.array(bias)[: method.outputs, None] for bias in ATTACKS.values()]
+    attacked = np.array([_run(watched, armed, y[SETTLE + QUIET :] + bias)[1] for bias in biases])
     return Row(
         name=method.name,
-        outputs=sent,
-        delay=delay,
+        gives=method.gives,
+        record=method.record,
+        fewest=_fewest(method, x, d),
+        heard=method.outputs,
+        lag=made.lag,
         order=order,
-        blind=blind,
+        blind=made.blind,
         design_sec=design_sec,
-        step_us=_time_of_step(observer, received[:, :sent, 0]),
-        detection=detection,
+        step_us=_time_of_step(watched, received[:, : method.outputs, 0]),
+        detection=_detect(quiet[SETTLE:], attacked),
     )
 
 
-def _history(method: _Method, x: NDArray[np.float64], d: NDArray[np.float64]) -> History:
-    """The record: states for observers, the applied inputs for input reconstruction."""
-    y = x[:, : method.outputs]
-    if method.name.startswith("cl-UIE"):
-        return History((Experiment(d, y, np.empty((len(d), 0))),), T_S)
-    return History((Experiment(np.empty((len(x), 0)), y, x),), T_S)
+def _team_row(seed: int) -> Row:
+    """The distributed observer."""
+    made, plant, design_sec = team_on_grid(seed)
+    noise = (NOISE, np.random.default_rng((seed, 3)))
+    quiet, attacked = record_residuals(made, plant, list(ATTACKS.values()), (QUIET, ATTACKED, RUNS), noise)
+    return Row(
+        name="distributed, node 2 of six",
+        gives="state of the whole grid, residual",
+        record="x of the grid, d not heard",
+        fewest=0,
+        heard=floats_heard(made),
+        lag=0,
+        order=len(made.gains[0].E),
+        blind=False,
+        design_sec=design_sec,
+        step_us=step_time_us(made, TIMED_STEPS),
+        detection=_detect(quiet, attacked),
+    )
 
 
-def _watch(output: Estimate, watched: slice | None, runs: int) -> NDArray[np.float64]:
-    """What the detector sees, (components, runs)."""
-    vector = output.residual if watched is None else output.estimate[watched]
-    return np.array([np.broadcast_to(one, (runs,)) for one in vector])
+def _history(method: Method, x: NDArray[np.float64], d: NDArray[np.float64]) -> History:
+    """The record; outputs that are not sent are left out, and so is what the method does not need."""
+    states = x if "x" in method.record else np.empty((len(x), 0))
+    applied = d if "d" in method.record else np.empty((len(x), 0))
+    return History((Experiment(np.empty((len(x), 0)), x[:, : method.outputs], states, T_S, applied),), T_S)
 
 
-def _detect(
-    observer: _Runs,
-    state: Vector,
-    received: NDArray[np.float64],
-    method: _Method,
-    calibrated: tuple[NDArray[np.float64], NDArray[np.float64]],
-) -> float:
-    """Median steps to the first alarm, NaN when fewer than nine in ten runs see it."""
-    middle, threshold = calibrated
-    first = np.full(RUNS, np.nan)
-    for step, y in enumerate(received):
-        state, output = observer.step(state, (), tuple(y))
-        alarm = np.any(np.abs(_watch(output, method.watched, RUNS) - middle) > threshold, axis=0)
-        first = np.where(np.isnan(first) & alarm, step, first)
-    return float(np.nanmedian(first)) if np.mean(np.isfinite(first)) >= SEEN_IN else float("nan")
+def _fewest(method: Method, x: NDArray[np.float64], d: NDArray[np.float64]) -> int:
+    """Samples in the shortest history that is accepted, 0 when none is."""
+    for samples in range(FEWEST, len(x) + 1):
+        try:
+            if method.design(_history(method, x[:samples], d[:samples])).watched is not None:
+                return samples
+        except MonitorError:
+            continue  # too short to be looked at
+    return 0
 
 
-def _time_of_step(observer: _Runs, y: NDArray[np.float64]) -> float:
+def _run(watched: Watched, state: Vector, y: NDArray[np.float64]) -> tuple[Vector, NDArray[np.float64]]:
+    """Take the samples (steps, p, runs); the state and what is watched, (steps, components, runs)."""
+    found = []
+    for sample in y:
+        state, shown = watched.step(state, tuple(sample))
+        found.append([np.broadcast_to(one, sample.shape[1:]) for one in shown])
+    return state, np.array(found)
+
+
+def _detect(quiet: NDArray[np.float64], attacked: NDArray[np.float64]) -> tuple[float, ...]:
+    """Median steps to the first alarm under each attack, NaN when fewer than nine in ten runs see it."""
+    middle = np.mean(quiet, axis=(0, 2))[:, None]  # the plant's own level of what is watched
+    threshold = np.maximum(MARGIN * np.max(np.abs(quiet - middle), axis=(0, 2))[:, None], FLOOR)
+    medians = []
+    for shown in attacked:
+        alarm = np.any(np.abs(shown - middle) > threshold, axis=1)  # (steps, runs)
+        first = np.where(alarm.any(axis=0), np.argmax(alarm, axis=0), np.nan)
+        medians.append(float(np.nanmedian(first)) if np.mean(np.isfinite(first)) >= SEEN_IN else float("nan"))
+    return tuple(medians)
+
+
+def _time_of_step(watched: Watched, y: NDArray[np.float64]) -> float:
     """Best of five mean times of a step in Python floats [us]."""
-    samples = [tuple(float(one) for one in row) for row in y]
+    samples = [tuple(float(one) for one in row) for row in y[:TIMED_STEPS]]
     best = np.inf
     for _ in range(5):
-        state = observer.init((), samples[0])
+        state = watched.init(samples[0])
         began = perf_counter()
-        for number in range(TIMED_STEPS // 5):
-            state, _ = observer.step(state, (), samples[number])
-        best = min(best, (perf_counter() - began) / (TIMED_STEPS // 5))
+        for sample in samples:
+            state, _ = watched.step(state, sample)
+        best = min(best, (perf_counter() - began) / len(samples))
     return 1e6 * best
-
-
-def _full(kind: str) -> Callable[[History], tuple[_Runs | None, int, bool, str]]:
-    def make(history: History) -> tuple[_Runs | None, int, bool, str]:
-        made = observers.design(kind, history, {"allow_blind": True})
-        residual = made.certificate.residual
-        return made.observer, 0, residual is not None and residual.blind, made.verdict
-
-    return make
-
-
-def _delayed(
-    options: dict[str, object], *, inputs: bool = False
-) -> Callable[[History], tuple[_Runs | None, int, bool, str]]:
-    def make(history: History) -> tuple[_Runs | None, int, bool, str]:
-        made = delayed.design(history, {"unknown_inputs": 2, **options})
-        residual, guarantee = made.certificate.residual, made.guarantee
-        lag = 0 if guarantee is None else (guarantee.delay if inputs else guarantee.lag)
-        blind = not inputs and residual is not None and residual.blind
-        return (made.input_observer if inputs else made.observer), lag, blind, made.verdict
-
-    return make
-
-
-def _uie(history: History) -> tuple[_Runs | None, int, bool, str]:
-    made = input_reconstruction.design("cl_uie", history, {"past": 5, "future": 2})
-    residual = made.certificate.residual
-    return made.observer, made.report.delay, residual is not None and residual.blind, made.verdict
-
-
-METHODS = (
-    _Method(name="full order, y = x", outputs=3, design=_full("full_order")),
-    _Method(name="reduced order, y = (V, I_t)", outputs=2, design=_full("reduced_order")),
-    _Method(name="delayed 1, y = x", outputs=3, design=_delayed({"delay": 1})),
-    _Method(name="delayed 1, y = (V, I_t)", outputs=2, design=_delayed({"delay": 1})),
-    _Method(
-        name="delayed 1 inputs, y = (V, I_t)",
-        outputs=2,
-        design=_delayed({"delay": 1}, inputs=True),
-        watched=slice(None),
-    ),
-    _Method(name="delayed 2, y = V", outputs=1, design=_delayed({"delay": 2})),
-    _Method(
-        name="attack on V, delayed 1, y = x",
-        outputs=3,
-        design=_delayed({"delay": 1, "attacked": (0,), "goal": "exact"}, inputs=True),
-        watched=slice(-1, None),
-    ),
-    _Method(name="cl-UIE residual, y = x", outputs=3, design=_uie),
-    _Method(name="cl-UIE inputs, y = x", outputs=3, design=_uie, watched=slice(None)),
-)
