@@ -6,7 +6,7 @@ shape with arrays over links: the same multiply-adds in the same order, so the s
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import final
+from typing import Any, Protocol, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,13 +16,29 @@ from dgu_sim.grid import Link
 from dgu_sim.settings import MonitorSettings
 from monitor import detectors, observers
 from monitor.delayed import ConstantInput
-from monitor.detectors import Phase
+from monitor.detectors import Detector, Phase
 from monitor.history import History
 from monitor.linear import Component, Vector, matvec
 from monitor.link_monitor import LinkMonitor, MonitorOutput, MonitorState
 from monitor.observers import Design, Estimate, LinearObserver, Observer
 
 _WIDTH = 3  # components of a received output
+
+
+class Watching(Protocol):
+    """What watches one link, as far as stepping it matters; a Design is one."""
+
+    @property
+    def observer(self) -> Observer | None:
+        """None when refused."""
+
+    @property
+    def channels(self) -> tuple[int, ...] | None:
+        """Positions in the received vector of the outputs that it uses."""
+
+    @property
+    def blind(self) -> bool:
+        """Whether its residual shows nothing."""
 
 
 @final
@@ -153,7 +169,17 @@ def design_monitors(topics: RunTopics, settings: MonitorSettings, histories: Map
     }
     designs = tuple(by_source[link.source] for link in topics.links)
     detector = detectors.build(settings.detector.kind, settings.detector.options, topics.sampling_period_ns * 1e-9)
-    groups = [
+    return RunMonitors(designs=designs, groups=group_monitors(designs, detector))
+
+
+def group_monitors(designs: Sequence[Watching], detector: Detector[Any]) -> tuple[LinkGroup, ...]:
+    """Put the monitors of all links together, those of equal shape into one.
+
+    Args:
+        designs: What watches each link.
+        detector: The detector of every link.
+    """
+    return tuple(
         LinkGroup(
             positions=np.array(positions, dtype=np.intp),
             monitor=LinkMonitor(
@@ -164,8 +190,7 @@ def design_monitors(topics: RunTopics, settings: MonitorSettings, histories: Map
             ),
         )
         for positions, observer in _grouped(designs)
-    ]
-    return RunMonitors(designs=designs, groups=tuple(groups))
+    )
 
 
 def alarm_changes(alarm: NDArray[np.bool_], before: NDArray[np.bool_], links: Sequence[Link]) -> list[tuple[int, int]]:
@@ -181,7 +206,7 @@ def alarm_changes(alarm: NDArray[np.bool_], before: NDArray[np.bool_], links: Se
     return sorted(found, key=lambda one: (one[0], links[one[1]].target, links[one[1]].source))
 
 
-def _grouped(designs: Sequence[Design]) -> list[tuple[list[int], Observer]]:
+def _grouped(designs: Sequence[Watching]) -> list[tuple[list[int], Observer]]:
     """Positions and observer of the links that step together; refused ones are in no group."""
     shapes: dict[tuple[object, ...], list[int]] = {}
     for position, design in enumerate(designs):

@@ -30,6 +30,7 @@ from dcmg_bringup.recording_options import (
     recording_of,
 )
 from dcmg_bringup.soak_command import soak
+from dcmg_bringup.study_command import study
 from dcmg_nodes.errors import NodeError
 from dcmg_nodes.options import NodeOptions, PacingMode
 from dgu_sim.errors import DguSimError
@@ -57,6 +58,7 @@ app.add_typer(import_commands.app, name="import")
 app.command("design")(design)
 app.command("reconstruct")(reconstruct)
 app.command("soak")(soak)
+app.command("study")(study)
 
 Scenario = Annotated[str, typer.Argument(help="name of a shipped scenario (see `dcmg scenarios`) or path of a file")]
 Out = Annotated[

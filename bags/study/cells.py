@@ -1,0 +1,144 @@
+"""From a study to its cells: the units of work that are done in parallel and kept when a study is interrupted."""
+
+import hashlib
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import final
+
+import yaml
+from pydantic import ValidationError
+
+from bags.study.designs import BASELINES
+from bags.study.errors import StudyError
+from bags.study.settings import NO_ATTACK, Study, StudyDetector, StudyObserver
+from dgu_sim.detector_defaults import attack_free_sec, filled_in
+from dgu_sim.errors import ScenarioError
+from dgu_sim.explain import explain
+from dgu_sim.scenario import Scenario, load_scenario
+from monitor import detectors, observers
+from monitor.errors import MonitorError
+
+_FORMAT = 1  # of the rows; another one makes kept cells worthless
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Cell:
+    """All runs of one condition, watched by one observer.
+
+    Attributes:
+        study: Name of the study.
+        condition: Name of the condition.
+        scenarios: Scenario by attack; the one without attack first.
+        observer: The observer.
+        detectors: The detectors.
+        seeds: Seeds of the runs.
+    """
+
+    study: str
+    condition: str
+    scenarios: Mapping[str, Scenario]
+    observer: StudyObserver
+    detectors: tuple[StudyDetector, ...]
+    seeds: tuple[int, ...]
+
+    @property
+    def key(self) -> str:
+        """Digest of everything that the rows follow from."""
+        document = {
+            "format": _FORMAT,
+            "condition": self.condition,
+            "scenarios": {attack: scenario.to_yaml() for attack, scenario in self.scenarios.items()},
+            "observer": self.observer.model_dump(mode="json"),
+            "detectors": [one.model_dump(mode="json") for one in self.detectors],
+            "seeds": self.seeds,
+        }
+        return hashlib.sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()[:24]
+
+
+def cells_of(study: Study, source: str, scenario_path: Callable[[str], Path]) -> tuple[Cell, ...]:
+    """Return the cells of a study, everything checked before the first run.
+
+    Args:
+        study: The study.
+        source: What to call its file in messages.
+        scenario_path: Finds the file of a scenario by its name or path.
+
+    Raises:
+        StudyError: One line with file, key, value and what was expected.
+    """
+    _check_kinds(study, source)
+    try:
+        path = scenario_path(study.scenario)
+    except ScenarioError as error:
+        raise StudyError(f"{source}: scenario = {study.scenario!r}: {error}") from error
+    seeds = tuple(range(study.first_seed, study.first_seed + study.seeds))
+    cells = []
+    for position, condition in enumerate(study.conditions):
+        try:
+            base = load_scenario(path, (*study.set, *condition.set, "attacks=[]"))
+        except ScenarioError as error:
+            raise StudyError(f"{source}: conditions.{position}.set: {error}") from error
+        scenarios = {NO_ATTACK: base, **_attacked(study, base, source)}
+        cells += [
+            Cell(
+                study=study.name,
+                condition=condition.name,
+                scenarios=scenarios,
+                observer=observer,
+                detectors=study.detectors,
+                seeds=seeds,
+            )
+            for observer in study.observers
+        ]
+        _check_detectors(study, base, source)
+    return tuple(cells)
+
+
+def _attacked(study: Study, base: Scenario, source: str) -> dict[str, Scenario]:
+    """Return the scenario with each attack."""
+    found = {}
+    data = yaml.safe_load(base.to_yaml())
+    for position, one in enumerate(study.attacks):
+        times = {"start_sec": study.attack_start_sec, "stop_sec": study.attack_stop_sec}
+        attacks = [{**one.attack, **{key: value for key, value in times.items() if value is not None}}]
+        if study.attack_start_sec >= base.duration_sec:
+            raise StudyError(
+                f"{source}: attack_start_sec = {study.attack_start_sec:g}: "
+                f"expected a time before the end of the run, {base.duration_sec:g} s"
+            )
+        # the scenario's own detector is not used here, and must not forbid the time of the attack
+        document = {**data, "attacks": attacks, "monitor": {"detector": {"options": {"calibrate_sec": 0.0}}}}
+        try:
+            found[one.name] = Scenario.model_validate(document)
+        except ValidationError as error:
+            problem = str(explain(error, document)).replace("attacks.0", f"attacks.{position}", 1)
+            raise StudyError(f"{source}: {problem}") from error
+    return found
+
+
+def _check_kinds(study: Study, source: str) -> None:
+    known = (*sorted(observers.KINDS), *BASELINES)
+    for position, one in enumerate(study.observers):
+        if one.kind not in known:
+            raise StudyError(f"{source}: observers.{position}.kind = {one.kind!r}: expected one of {', '.join(known)}")
+
+
+def _check_detectors(study: Study, base: Scenario, source: str) -> None:
+    """Refuse detectors that do not exist, and those still learning when the attack starts."""
+    for position, one in enumerate(study.detectors):
+        for value, options in one.settings():
+            where = f"{source}: detectors.{position}"
+            where += "" if value is None or one.sweep is None else f" with {one.sweep.option} = {value:g}"
+            try:
+                detectors.build(one.kind, options, base.sampling_period_sec)
+            except MonitorError as error:
+                raise StudyError(f"{where}: {error}") from error
+            learning_sec = attack_free_sec(filled_in(one.kind, options))
+            if study.attacks and study.attack_start_sec < learning_sec:
+                raise StudyError(
+                    f"{where}: settles and calibrates until {learning_sec:g} s, "
+                    f"expected at most attack_start_sec = {study.attack_start_sec:g}"
+                )

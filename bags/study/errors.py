@@ -1,0 +1,7 @@
+"""The error of a study."""
+
+from bags.errors import BagError
+
+
+class StudyError(BagError):
+    """Something about a study is not as it must be; one line: file, key, value, what was expected."""

@@ -1,0 +1,228 @@
+"""The work of one cell: simulate, design, watch, and one row for every link of every run and operating point.
+
+Runs, attacks and links stand side by side on one axis of "lanes", so that one pass of the observer's and the
+detector's multiply-adds serves them all: the same code, and so the same bits, as in a run.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, final
+
+import numpy as np
+import pyarrow as pa
+from numpy.typing import NDArray
+
+from bags.monitors import MonitorArrays, RunMonitors, group_monitors
+from bags.study.cells import Cell
+from bags.study.designs import StudyDesign, design_for
+from bags.study.impact import Impact, impact_of
+from bags.study.settings import NO_ATTACK
+from dgu_sim.scenario import Scenario
+from dgu_sim.simulate import simulate
+from monitor import detectors
+from monitor.detectors import Phase
+
+SCHEMA = pa.schema(
+    [
+        ("condition", pa.string()),
+        ("observer", pa.string()),
+        ("detector", pa.string()),
+        ("swept", pa.float64()),  # value of the swept option; null at the detector's own operating point
+        ("attack", pa.string()),
+        ("seed", pa.int64()),
+        ("source", pa.int32()),
+        ("target", pa.int32()),
+        ("attacked", pa.bool_()),
+        ("accepted", pa.bool_()),
+        ("verdict", pa.string()),
+        ("clean_steps", pa.int64()),  # armed, and no attack in the run so far; the whole run without an attack
+        ("clean_alarm_steps", pa.int64()),
+        ("clean_alarms", pa.int64()),  # onsets among them
+        ("attack_steps", pa.int64()),  # in the window of the attack: in runs without one, the window it would have
+        ("attack_alarm_steps", pa.int64()),
+        ("detected", pa.bool_()),  # an alarm in that window; on a link that is not attacked: a wrong accusation
+        ("delay_sec", pa.float64()),
+        ("residual_before", pa.float64()),  # largest |r| of any component while armed
+        ("residual_after", pa.float64()),
+        ("mean_voltage_v", pa.float64()),  # largest impact of the run, and that until an attacked link alarmed
+        ("mean_voltage_until_alarm_v", pa.float64()),
+        ("voltage_v", pa.float64()),
+        ("voltage_until_alarm_v", pa.float64()),
+        ("sharing", pa.float64()),
+        ("sharing_until_alarm", pa.float64()),
+    ]
+)
+"""Columns of the table of a study."""
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Runs:
+    """All runs of one scenario, one for each seed.
+
+    Attributes:
+        received: Shape (steps, seeds, links, 3).
+        delivered: Shape (steps, seeds, links).
+        impact: What the attack does.
+        attacked: Whether each link is attacked, shape (links,).
+        clean: First step that is not free of attacks.
+    """
+
+    received: NDArray[np.float64]
+    delivered: NDArray[np.bool_]
+    impact: Impact
+    attacked: NDArray[np.bool_]
+    clean: int
+
+
+def evaluate(cell: Cell) -> pa.Table:
+    """Do the work of one cell.
+
+    Returns:
+        One row for each detector's operating point, attack, seed and link; columns as in SCHEMA.
+
+    Raises:
+        monitor.errors.MonitorError: Wrong options of the observer.
+    """
+    base = cell.scenarios[NO_ATTACK]
+    window = _window(tuple(cell.scenarios.values())[-1])
+    runs = {attack: _simulated(scenario, cell.seeds) for attack, scenario in cell.scenarios.items()}
+    shape = (len(runs), len(cell.seeds), len(base.links))
+    received = np.stack([one.received for one in runs.values()], axis=1)
+    delivered = np.stack([one.delivered for one in runs.values()], axis=1)
+    designs = _designs(cell, base)
+    lanes = [designs[seed][link.source] for _ in runs for seed in cell.seeds for link in base.links]
+    tables = []
+    for detector in cell.detectors:
+        for swept, options in detector.settings():
+            built = detectors.build(detector.kind, options, base.sampling_period_sec)
+            monitors = RunMonitors(designs=(), groups=group_monitors(lanes, built))
+            _, concluded = monitors.run(
+                monitors.init(), received.reshape(len(received), -1, 3), delivered.reshape(len(delivered), -1)
+            )
+            for position, (attack, one) in enumerate(runs.items()):
+                judged = _judge(one, _Part.of(concluded, shape, position), window, base.sampling_period_sec)
+                point = {"detector": detector.name, "swept": swept, "attack": attack}
+                tables.append(_table(cell, point, one, judged, lanes))
+    return pa.concat_tables(tables)
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Part:
+    """What the monitors concluded in the runs of one scenario, shapes (steps, seeds, links).
+
+    Attributes:
+        alarm: Verdicts.
+        armed: Whether there is one.
+        size: Largest |r| of any component while armed, else 0.
+    """
+
+    alarm: NDArray[np.bool_]
+    armed: NDArray[np.bool_]
+    size: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, concluded: MonitorArrays, shape: tuple[int, int, int], position: int) -> "_Part":
+        """Cut one scenario out of what was concluded on all lanes."""
+
+        def mine(array: NDArray[Any]) -> NDArray[Any]:
+            return array.reshape(len(array), *shape, *array.shape[2:])[:, position]
+
+        armed = np.asarray(mine(concluded.phase) == Phase.ARMED.value)
+        size = np.nan_to_num(np.abs(mine(concluded.residual))).max(axis=-1)
+        return cls(alarm=mine(concluded.alarm), armed=armed, size=np.where(armed, size, 0.0))
+
+
+def _window(scenario: Scenario) -> tuple[int, int]:
+    """Return the steps [start, stop) of a scenario's attack; without one the end of the run."""
+    if not scenario.attacks:
+        return scenario.steps, scenario.steps
+    plan = scenario.attacks[0].plan
+    stop_sec = scenario.duration_sec if plan.stop_sec is None else plan.stop_sec
+    times = (plan.start_sec, min(stop_sec, scenario.duration_sec))
+    start, stop = (round(time / scenario.sampling_period_sec) for time in times)
+    return start, stop
+
+
+def _simulated(scenario: Scenario, seeds: Sequence[int]) -> _Runs:
+    blocks = list(simulate(scenario, seeds=seeds))
+    links = [link for one in scenario.attacks for link in one.plan.links]
+    clean, _ = _window(scenario)
+    return _Runs(
+        received=np.concatenate([block.received for block in blocks]),
+        delivered=np.concatenate([block.delivered for block in blocks]),
+        impact=impact_of(scenario, np.concatenate([block.x for block in blocks]), clean if links else 0),
+        attacked=np.array([link in links for link in scenario.links]),
+        clean=clean,
+    )
+
+
+def _designs(cell: Cell, base: Scenario) -> Mapping[int, Mapping[int, StudyDesign]]:
+    """Return the design for each source of each seed: every run has a history of its own."""
+    sources = sorted({link.source for link in base.links})
+    found: dict[int, dict[int, StudyDesign]] = {}
+    for seed in cell.seeds:
+        scenario = base.model_copy(update={"seed": seed})
+        found[seed] = {dgu: design_for(cell.observer.kind, cell.observer.options, scenario, dgu) for dgu in sources}
+    return found
+
+
+def _judge(runs: _Runs, part: _Part, window: tuple[int, int], period_sec: float) -> dict[str, NDArray[Any]]:
+    """Return the columns that follow from what the monitors concluded, each of shape (seeds, links)."""
+    start, stop = window
+    last = len(part.alarm) - 1
+    during, clean = part.alarm[start:stop], part.alarm[: runs.clean]
+    detected = np.asarray(during.any(axis=0))
+    first = np.where(detected, start + (during.argmax(axis=0) if len(during) else 0), last)
+    onsets = clean & ~np.concatenate([np.zeros_like(clean[:1]), clean[:-1]])
+    columns: dict[str, NDArray[Any]] = {
+        "clean_steps": part.armed[: runs.clean].sum(axis=0),
+        "clean_alarm_steps": clean.sum(axis=0),
+        "clean_alarms": onsets.sum(axis=0),
+        "attack_steps": np.full(detected.shape, stop - start),
+        "attack_alarm_steps": during.sum(axis=0),
+        "detected": detected,
+        "delay_sec": np.where(detected, (first - start) * period_sec, np.nan),
+        "residual_before": part.size[:start].max(axis=0, initial=0.0),
+        "residual_after": part.size[start:].max(axis=0, initial=0.0),
+    }
+    unnoticed = np.full((len(detected), 1), last)  # also where nothing is attacked
+    until = np.hstack([first[:, runs.attacked], unnoticed]).min(axis=1)
+    columns |= _impact_columns(runs.impact, until, detected.shape)
+    return columns
+
+
+def _impact_columns(impact: Impact, until: NDArray[np.int64], shape: tuple[int, ...]) -> dict[str, NDArray[Any]]:
+    """Return the impact of each run, repeated for its links."""
+    columns = {}
+    for name, unit in (("mean_voltage", "_v"), ("voltage", "_v"), ("sharing", "")):
+        signal = getattr(impact, name)
+        columns[f"{name}{unit}"] = np.broadcast_to(signal[-1][:, None], shape)
+        at_alarm = signal[until, np.arange(len(until))]
+        columns[f"{name}_until_alarm{unit}"] = np.broadcast_to(at_alarm[:, None], shape)
+    return columns
+
+
+def _table(
+    cell: Cell,
+    point: Mapping[str, object],
+    runs: _Runs,
+    judged: Mapping[str, NDArray[Any]],
+    lanes: Sequence[StudyDesign],
+) -> pa.Table:
+    links = cell.scenarios[NO_ATTACK].links
+    rows = len(cell.seeds) * len(links)
+    columns: dict[str, Any] = {
+        "condition": [cell.condition] * rows,
+        "observer": [cell.observer.name] * rows,
+        **{name: [value] * rows for name, value in point.items()},
+        "seed": np.repeat(cell.seeds, len(links)),
+        "source": [link.source for link in links] * len(cell.seeds),
+        "target": [link.target for link in links] * len(cell.seeds),
+        "attacked": np.tile(runs.attacked, len(cell.seeds)),
+        "accepted": [lane.observer is not None and not lane.blind for lane in lanes[:rows]],
+        "verdict": [lane.verdict for lane in lanes[:rows]],
+        **{name: values.reshape(-1) for name, values in judged.items()},
+    }
+    return pa.table({field.name: columns[field.name] for field in SCHEMA}, schema=SCHEMA)

@@ -1,0 +1,195 @@
+"""Studies: what they compute, and that nothing is lost when they are interrupted."""
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pytest
+from pyarrow import parquet
+
+from bags.offline import simulate_to_bag
+from bags.reader import read_run
+from bags.study import Cell, StudyError, cells_of, compare, load_study, operating_points, run_study
+from bags.study.evaluate import evaluate
+from bags.study.figures import write_results
+from bags.study.settings import NO_ATTACK, Study
+from dcmg_bringup.shipped import scenario_path
+from dcmg_bringup.study_command import shipped_studies
+from dgu_sim.grid import Link
+from dgu_sim.scenario import Scenario
+from monitor.metrics import link_metrics
+
+
+@pytest.fixture(scope="module")
+def table(tmp_path_factory: pytest.TempPathFactory, tiny_file: Path) -> pa.Table:
+    """Table of the tiny study."""
+    cells = cells_of(load_study(tiny_file), "tiny.yaml", scenario_path)
+    return parquet.read_table(run_study(cells, tmp_path_factory.mktemp("out"), workers=2))
+
+
+def _rows(table: pa.Table, **wanted: object) -> list[dict[str, Any]]:
+    return [row for row in table.to_pylist() if all(row[name] == value for name, value in wanted.items())]
+
+
+def test_every_combination_has_a_row(table: pa.Table) -> None:
+    """Two observers, two operating points, the attacks and none, three seeds, 14 links."""
+    assert table.num_rows == 2 * 2 * 3 * 3 * 14
+    assert {row["seed"] for row in table.to_pylist()} == {1, 2, 3}
+
+
+def test_rows_are_those_of_a_simulated_run(table: pa.Table, cells: tuple[Cell, ...], tmp_path: Path) -> None:
+    """A bag of the same scenario and seed gives the same detection, delay and residuals, bit for bit."""
+    detector = {"kind": "fixed", "options": {"settle_sec": 0.5, "calibrate_sec": 1.5, "margin": 2.0}}
+    document = cells[0].scenarios["bias"].model_dump(mode="json")
+    document |= {"seed": 2, "monitor": {**document["monitor"], "detector": detector}}
+    record = read_run(simulate_to_bag(Scenario.model_validate(document), tmp_path / "bag"))
+    for position, link in enumerate(record.links):
+        (row,) = _rows(
+            table,
+            observer="data-driven",
+            swept=None,
+            attack="bias",
+            seed=2,
+            source=link.source,
+            target=link.target,
+        )
+        window = ((300, 400),)
+        found = link_metrics(
+            record.alarm[:, position],
+            record.residual[:, position],
+            window,
+            0.01,
+            armed=record.phase[:, position] > 1,
+        )
+        assert row["attacked"] == (link == Link(1, 2))
+        assert row["residual_after"] == found.residual_after
+        assert (row["delay_sec"] if row["detected"] else None) == found.detection_delay_sec
+        assert row["clean_alarm_steps"] == record.alarm[:300, position].sum()
+
+
+def test_what_is_seen_and_what_is_not(table: pa.Table, tmp_path: Path) -> None:
+    """A bias is seen at once, a stealthy trajectory as often as no attack at all; both move the mean voltage."""
+    points = operating_points(table)
+    comparisons = {one.attack: one for one in compare(points, 1e-2)}
+    best = comparisons["bias"].best
+    assert best is not None
+    assert best.detected.value == 1.0
+    assert comparisons["stealthy"].best is None
+    assert comparisons["stealthy"].mean_voltage_v.value > 1e-3
+    for point in points:
+        assert point.detected.low <= point.detected.value <= point.detected.high
+        if point.attack == "stealthy":
+            assert point.detected.value == point.by_chance.value
+            assert not point.seen
+    paths = write_results(points, tuple(comparisons.values()), 1e-2, tmp_path)
+    assert all(path.stat().st_size > 0 for path in paths)
+    assert "nobody sees it" in (tmp_path / "comparison.md").read_text()
+
+
+def test_a_lower_threshold_alarms_more(table: pa.Table) -> None:
+    """The swept margin moves along the ROC curve: at a tenth of the threshold there are false alarms, else none."""
+    rates = {
+        (point.observer, point.swept): point.false_alarm_rate.value
+        for point in operating_points(table)
+        if point.attack == "bias"
+    }
+    for observer in ("data-driven", "model-based"):
+        assert rates[observer, None] == 0.0
+        assert rates[observer, 0.2] > 0.05
+
+
+def test_an_interrupted_study_goes_on(
+    cells: tuple[Cell, ...], table: pa.Table, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Cells that were finished are not done again, and the table is that of an uninterrupted study."""
+    run_study(cells[:1], tmp_path, workers=1)
+    done: list[str] = []
+
+    def counted(cell: Cell) -> pa.Table:
+        (tmp_path / f"did_{cell.observer.name}").touch()
+        return evaluate(cell)
+
+    monkeypatch.setattr("bags.study.run.evaluate", counted)
+    path = run_study(cells, tmp_path, workers=1, progress=lambda finished, total: done.append(f"{finished}/{total}"))
+    assert done == ["1/2", "2/2"]
+    assert [one.name for one in tmp_path.glob("did_*")] == ["did_model-based"]
+    assert repr(parquet.read_table(path).to_pylist()) == repr(table.to_pylist())  # NaN is NaN, bit for bit otherwise
+
+
+def test_other_settings_are_other_cells(tiny: Study, cells: tuple[Cell, ...]) -> None:
+    """A kept cell is used only for exactly what it was computed from."""
+    for change in ({"seeds": 4}, {"attack_start_sec": 3.5}, {"set": ("duration_sec=4.5",)}):
+        others = cells_of(Study.model_validate({**tiny.model_dump(), **_flat(tiny), **change}), "other", scenario_path)
+        assert {one.key for one in others}.isdisjoint(one.key for one in cells)
+
+
+def _flat(study: Study) -> dict[str, Any]:
+    return {"attacks": [{"name": one.name, **one.attack} for one in study.attacks]}
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "expected"),
+    [
+        ("seeds: 3", "seeds: 0", "seeds = 0: expected a number greater than or equal to 1"),
+        ("seeds: 3", "sedes: 3", "sedes = 3: no such key: did you mean seeds?"),
+        ("kind: full_order", "kind: fullorder", "observers.0.kind = 'fullorder': expected one of"),
+        ("scenario: gallo_six_dgu", "scenario: galo", "scenario = 'galo': galo: no such scenario"),
+        ("kind: bias,", "kind: bais,", "attacks.0.kind = 'bais': expected an attack class"),
+        ('link: "1-2", bias', 'link: "1-5", bias', "attacks.0.link = '1-5'"),
+        ("name: stealthy", "name: bias", "attacks.1.name = 'bias': expected a name not used before among attacks"),
+        ("name: stealthy", "start_sec: 1.0", "attacks.1.start_sec = 1.0: expected none"),
+        ("attack_start_sec: 3.0", "attack_start_sec: 1.0", "detectors.0: settles and calibrates until 2 s"),
+        ("attack_start_sec: 3.0", "attack_start_sec: 9.0", "attack_start_sec = 9: expected a time before the end"),
+        ("margin: 2.0", "margn: 2.0", "detectors.0: fixed: option margn"),
+        ("option: margin, values: [0.2]", "option: margin, values: [-1]", "detectors.0 with margin = -1: fixed"),
+        ("set: [duration_sec=4.0", "set: [duration=4.0", "conditions.0.set: override 'duration=4.0'"),
+    ],
+)
+def test_wrong_studies_are_refused_in_one_line(
+    refuse: Callable[[str, str], Path], old: str, new: str, expected: str
+) -> None:
+    """The line names file, key, value and what was expected, before anything runs."""
+    path = refuse(old, new)
+    with pytest.raises(StudyError) as caught:
+        cells_of(load_study(path), str(path), scenario_path)
+    assert str(path) in str(caught.value)
+    assert expected in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+def test_wrong_observer_options_name_the_observer(refuse: Callable[[str, str], Path], tmp_path: Path) -> None:
+    """An option that only the design can judge ends the study in one line too."""
+    path = refuse("kind: full_order}", "kind: full_order, options: {strategy: none}}")
+    cells = cells_of(load_study(path), str(path), scenario_path)
+    with pytest.raises(StudyError, match="observer data-driven: full_order: option strategy"):
+        run_study(cells, tmp_path / "out", workers=1)
+
+
+@pytest.mark.parametrize("name", sorted(shipped_studies()))
+def test_shipped_studies_are_valid(name: str) -> None:
+    """Every shipped study loads, with a question, and all of its scenarios and detectors are accepted."""
+    path = shipped_studies()[name]
+    study = load_study(path)
+    assert study.name == name
+    assert study.question.endswith("?")
+    cells = cells_of(study, str(path), scenario_path)
+    assert {NO_ATTACK} < set(cells[0].scenarios)
+    assert len(cells) == len(study.conditions) * len(study.observers)
+
+
+def test_every_key_is_documented() -> None:
+    """docs/studies.md explains every key of a study file."""
+    page = (Path(__file__).parents[3] / "docs" / "studies.md").read_text()
+    for name in Study.model_fields:
+        assert f"`{name}`" in page, name
+
+
+def test_intervals_cover(table: pa.Table) -> None:
+    """A median's bootstrap interval holds the median; with one seed there is none."""
+    (point, *_) = operating_points(table)
+    assert point.mean_voltage_v.low <= point.mean_voltage_v.value <= point.mean_voltage_v.high
+    one = table.filter(pa.compute.equal(table["seed"], 1))
+    (point, *_) = operating_points(one)
+    assert np.isnan(point.mean_voltage_v.low)
