@@ -74,8 +74,10 @@ class OperatingPoint:
 
     @property
     def seen(self) -> bool:
-        """Whether the attack is detected more often than its absence, beyond what the intervals leave open."""
-        return self.detected.low > self.by_chance.value
+        """Whether the attack is detected more often than its absence: Fisher's exact test, one-sided, at 2.5 %."""
+        hits = [round(one.value * self.runs) for one in (self.detected, self.by_chance)]
+        table = [[count, self.runs - count] for count in hits]
+        return bool(stats.fisher_exact(table, alternative="greater").pvalue < (1.0 - _CONFIDENCE) / 2.0)
 
     def row(self) -> dict[str, object]:
         """Return the point as one flat row."""

@@ -12,7 +12,7 @@ TINY = """
 name: tiny
 scenario: gallo_six_dgu
 set: [duration_sec=4.0, "noise={kind: uniform, half_width: [0.001, 0.001, 0.001]}"]
-seeds: 3
+seeds: 4
 attack_start_sec: 3.0
 observers:
   - {name: data-driven, kind: full_order}

@@ -34,9 +34,9 @@ def _rows(table: pa.Table, **wanted: object) -> list[dict[str, Any]]:
 
 
 def test_every_combination_has_a_row(table: pa.Table) -> None:
-    """Two observers, two operating points, the attacks and none, three seeds, 14 links."""
-    assert table.num_rows == 2 * 2 * 3 * 3 * 14
-    assert {row["seed"] for row in table.to_pylist()} == {1, 2, 3}
+    """Two observers, two operating points, the attacks and none, four seeds, 14 links."""
+    assert table.num_rows == 2 * 2 * 3 * 4 * 14
+    assert {row["seed"] for row in table.to_pylist()} == {1, 2, 3, 4}
 
 
 def test_rows_are_those_of_a_simulated_run(table: pa.Table, cells: tuple[Cell, ...], tmp_path: Path) -> None:
@@ -120,7 +120,7 @@ def test_an_interrupted_study_goes_on(
 
 def test_other_settings_are_other_cells(tiny: Study, cells: tuple[Cell, ...]) -> None:
     """A kept cell is used only for exactly what it was computed from."""
-    for change in ({"seeds": 4}, {"attack_start_sec": 3.5}, {"set": ("duration_sec=4.5",)}):
+    for change in ({"seeds": 5}, {"attack_start_sec": 3.5}, {"set": ("duration_sec=4.5",)}):
         others = cells_of(Study.model_validate({**tiny.model_dump(), **_flat(tiny), **change}), "other", scenario_path)
         assert {one.key for one in others}.isdisjoint(one.key for one in cells)
 
@@ -132,8 +132,8 @@ def _flat(study: Study) -> dict[str, Any]:
 @pytest.mark.parametrize(
     ("old", "new", "expected"),
     [
-        ("seeds: 3", "seeds: 0", "seeds = 0: expected a number greater than or equal to 1"),
-        ("seeds: 3", "sedes: 3", "sedes = 3: no such key: did you mean seeds?"),
+        ("seeds: 4", "seeds: 0", "seeds = 0: expected a number greater than or equal to 1"),
+        ("seeds: 4", "sedes: 3", "sedes = 3: no such key: did you mean seeds?"),
         ("kind: full_order", "kind: fullorder", "observers.0.kind = 'fullorder': expected one of"),
         ("scenario: gallo_six_dgu", "scenario: galo", "scenario = 'galo': galo: no such scenario"),
         ("kind: bias,", "kind: bais,", "attacks.0.kind = 'bais': expected an attack class"),

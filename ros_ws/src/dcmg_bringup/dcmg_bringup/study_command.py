@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from bags.study import Cell, Comparison
 
 _EXIT_INTERRUPTED = 130
+_PIPED_WIDTH = 160
 
 
 def shipped_studies() -> dict[str, Path]:
@@ -151,5 +152,6 @@ def _show(question: str, comparisons: Sequence[Comparison], limit: float) -> Non
     table = Table(*COLUMNS, title=question)
     for one in comparisons:
         table.add_row(*cells(one))
-    Console().print(table)
+    console = Console()
+    console.print(table, width=None if console.is_terminal else _PIPED_WIDTH, crop=False)
     typer.echo(f"best: most runs detected, then the shortest delay, with at most {limit:g} false alarms per sample")
