@@ -76,7 +76,7 @@ class OperatingPoint:
     def seen(self) -> bool:
         """Whether the attack is detected more often than its absence: Fisher's exact test, one-sided, at 2.5 %."""
         hits = [round(one.value * self.runs) for one in (self.detected, self.by_chance)]
-        table = [[count, self.runs - count] for count in hits]
+        table = np.array([[count, self.runs - count] for count in hits])
         return bool(stats.fisher_exact(table, alternative="greater").pvalue < (1.0 - _CONFIDENCE) / 2.0)
 
     def row(self) -> dict[str, object]:
