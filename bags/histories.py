@@ -1,7 +1,11 @@
 """Offline experiments as a bag of their own."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
 
 from bags.container import open_container, readable
 from bags.convert import history_records
@@ -14,6 +18,7 @@ from bags.team_topics import GRID, TeamTopics
 from bags.writer import BagWriter
 from dgu_sim.experiment import run_experiments
 from dgu_sim.grid_experiment import run_grid_experiments
+from dgu_sim.poisoning import poisoned
 from dgu_sim.scenario import Scenario
 
 
@@ -28,9 +33,46 @@ def histories_of_run(scenario: Scenario, dgu: int) -> list[HistoryRecord]:
         BagError: The bag of histories cannot be read or holds none of this DGU.
         dgu_sim.errors.ScenarioError: The scenario has no such DGU.
     """
+    records = true_histories(scenario, dgu)
+    if all(poison.dgu != dgu for poison in scenario.poison):
+        return records
+    falsified = poisoned(scenario, dgu, [record.x for record in records])
+    made_up = [records[0]] * (len(falsified) - len(records))
+    return [
+        replace(true, experiment=number, experiments=len(falsified), x=x, y=_as_sent(true, x))
+        for number, (true, x) in enumerate(zip([*records, *made_up], falsified, strict=True))
+    ]
+
+
+def true_histories(scenario: Scenario, dgu: int) -> list[HistoryRecord]:
+    """The history of one DGU before anybody falsified it; raises what `histories_of_run` does."""
     if scenario.history.bag is None:
         return history_records(dgu, run_experiments(scenario, dgu))
     return read_histories(Path(scenario.history.bag), dgu)
+
+
+def recorded_states(scenario: Scenario) -> dict[int, list[NDArray[np.float64]]] | None:
+    """What attackers who know the victims' histories need to be given: the states that are in `history.bag`.
+
+    Raises:
+        BagError: The bag cannot be read or lacks a DGU whose links are attacked.
+    """
+    if scenario.history.bag is None:
+        return None
+    attacked = {link.source for attack in scenario.attacks for link in attack.plan.links}
+    return {dgu: [record.x for record in true_histories(scenario, dgu)] for dgu in sorted(attacked)}
+
+
+def _as_sent(record: HistoryRecord, x: NDArray[np.float64]) -> NDArray[np.float64]:
+    """The outputs that belong to falsified states: y = x where it is sent.
+
+    Raises:
+        BagError: The record's outputs are not its states.
+    """
+    sent = np.isfinite(record.y)
+    if record.y.shape != record.x.shape or not np.array_equal(record.y[sent], record.x[sent]):
+        raise BagError(f"poison of DGU {record.dgu}: expected a history whose outputs are its states")
+    return np.where(sent, x, np.nan)
 
 
 def read_histories(path: Path, dgu: int) -> list[HistoryRecord]:

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from bags.ahead import ahead
 from bags.convert import design_record, history_of
 from bags.events import EventState, events_of, relayed_of
-from bags.histories import histories_of_run
+from bags.histories import histories_of_run, recorded_states
 from bags.monitors import MonitorArrays, design_monitors
 from bags.origin import attach_origin
 from bags.recording import CHUNK_PRESETS, ChunkPreset, Recording
@@ -60,6 +60,7 @@ def simulate_to_bag(
     histories = {dgu: history_of(history) for dgu, history in records.items()}
     monitors = design_monitors(topics, scenario.monitor, histories)
     team = team_of_run(scenario, topics)
+    recorded = recorded_states(scenario)
     states, told = monitors.init(), EventState.start(topics)
     with BagWriter(
         path,
@@ -75,7 +76,7 @@ def simulate_to_bag(
         if team is not None:
             write_team_documents(writer, team)
         layout = writer.format_of(topics.per_step)
-        for block in ahead(lambda: simulate(scenario, block_steps=_BLOCK_STEPS)):
+        for block in ahead(lambda: simulate(scenario, block_steps=_BLOCK_STEPS, recorded=recorded)):
             states, outputs = monitors.run(states, block.received[:, 0], block.delivered[:, 0])
             rows = layout.block(block.first_step, len(block.x), topics.sampling_period_ns)
             fill_rows(rows, topics, block, outputs)

@@ -179,6 +179,8 @@ class Relay:
         positions = tuple(self._position(link) for link in plan.links)
         attack = build_attack(plan.kind, plan.parameters)
         attack.check_links(plan.links)
+        if attack.whole_output:
+            self._check_sent(plan)
         if attack.publishes:
             self._check_alone(state, plan, start_step, stop_step)
         context = AttackContext(
@@ -201,6 +203,13 @@ class Relay:
             stop_step=stop_step,
         )
         return replace(state, attacks=(*state.attacks, running), next_number=state.next_number + 1), running
+
+    def _check_sent(self, plan: AttackPlan) -> None:
+        """Check that the sources of the links send their whole output, as far as anything is known of them."""
+        for link in plan.links:
+            if self.insight is not None and (hidden := self.insight.keeps(link.source)):
+                found = f"DGU {link.source} keeps {', '.join(hidden)}"
+                raise AttackError(f"link {link}: {found}, and {plan.kind} starts from whole samples of V, I_t and v")
 
     def _check_alone(self, state: RelayState, plan: AttackPlan, start_step: int, stop_step: int | None) -> None:
         """Check that no link gets a third publisher, and that a true message comes first: it is what is imitated."""

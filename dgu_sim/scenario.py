@@ -13,6 +13,7 @@ from dgu_sim.grid import Grid, Line, Link, links_of
 from dgu_sim.model import Frozen, Number
 from dgu_sim.noise import Noise, NoNoise
 from dgu_sim.plant import Coupling
+from dgu_sim.poison import Poison
 from dgu_sim.scenario_checks import check_parts, check_stability
 from dgu_sim.scenario_file import apply_overrides, embed_tables, parse_yaml, raised_by, resolve_history_bag
 from dgu_sim.settings import (
@@ -48,6 +49,7 @@ class Scenario(Frozen):
     receiver: ReceiverSettings = Field(
         default_factory=ReceiverSettings, description="What a DGU makes of the messages on its links."
     )
+    poison: tuple[Poison, ...] = Field(default=(), description="What attackers do to histories before they are read.")
     monitor: MonitorSettings = Field(default_factory=MonitorSettings, description="Observer and detector.")
     attacks: tuple[AttackSettings, ...] = Field(default=(), description="Attacks that the scenario schedules.")
 

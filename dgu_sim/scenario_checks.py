@@ -7,7 +7,7 @@ from dgu_sim.errors import AttackError
 from dgu_sim.grid import Grid, Link
 from dgu_sim.model import finding
 from dgu_sim.plant import Coupling
-from dgu_sim.settings import AttackSettings, HistoryPlant
+from dgu_sim.settings import AttackSettings, HistoryPlant, OutputComponent
 from dgu_sim.stability import closed_loop, largest_stable_gain, sampled_grid, spectral_radius
 from dgu_sim.team_checks import check_team
 
@@ -26,6 +26,10 @@ def check_parts(scenario: "Scenario") -> None:
     _check_lines(scenario)
     _check_attacks(scenario)
     check_team(scenario)
+    for index, poison in enumerate(scenario.poison):
+        if poison.dgu not in [dgu.id for dgu in scenario.dgus]:
+            known = _listed([dgu.id for dgu in scenario.dgus])
+            raise finding(("poison", index, "dgu"), poison.dgu, f"expected one of the DGUs {known}")
     if scenario.coupling is Coupling.ISOLATED and scenario.history.plant is HistoryPlant.JOINT:
         raise finding(("history", "plant"), "joint", "expected own: with coupling isolated there is no joint grid")
 
@@ -86,13 +90,13 @@ def _check_attacks(scenario: "Scenario") -> None:
     ready = scenario.monitor.detector.calibrated_sec
     for index, attack in enumerate(scenario.attacks):
         key = ("attacks", index)
-        _check_links(attack, key, links)
+        _check_links(scenario, attack, key, links)
         if attack.start_sec < ready:
             expected = f"expected at least {ready:g}: until then the detector calibrates on attack-free samples"
             raise finding((*key, "start_sec"), attack.start_sec, expected)
 
 
-def _check_links(attack: AttackSettings, key: tuple[str | int, ...], links: set[Link]) -> None:
+def _check_links(scenario: "Scenario", attack: AttackSettings, key: tuple[str | int, ...], links: set[Link]) -> None:
     for position, name in enumerate(attack.link_names):
         place = (*key, "link") if attack.links is None else (*key, "links", position)
         try:
@@ -102,6 +106,10 @@ def _check_links(attack: AttackSettings, key: tuple[str | int, ...], links: set[
         if link not in links:
             known = _listed(sorted(str(one) for one in links)) or "none: the scenario has no lines"
             raise finding(place, name, f"expected a communication link: {known}")
+        hidden = [one.value for one in OutputComponent if one not in scenario.dgu(link.source).output]
+        if attack.attack.whole_output and hidden:
+            expected = f"expected a link whose source sends V, I_t and v: DGU {link.source} keeps {_listed(hidden)}"
+            raise finding(place, name, f"{expected}, and {attack.kind} starts from whole samples")
         if name in attack.link_names[:position]:
             raise finding(place, name, "expected a link that does not stand before it")
     try:

@@ -21,6 +21,7 @@ class Stream(IntEnum):
     INITIAL = 2
     HISTORY = 3
     HISTORY_NOISE = 4
+    POISON = 5
     ATTACK = 1_000_000
     """The n-th attack of a run draws from stream ATTACK + n; a link's place among its links stands for the DGU."""
     LOAD = 1000

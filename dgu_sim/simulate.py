@@ -1,6 +1,6 @@
 """The only time loop: all DGUs, all links and any number of runs at once."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -79,12 +79,17 @@ class Block:
     doubled: tuple[Doubled, ...] = ()
 
 
-def relay_of(scenario: Scenario, seeds: tuple[int, ...] | None = None) -> tuple[Relay, RelayState]:
+def relay_of(
+    scenario: Scenario,
+    seeds: tuple[int, ...] | None = None,
+    recorded: Mapping[int, Sequence[FloatArray]] | None = None,
+) -> tuple[Relay, RelayState]:
     """Return the relay of a scenario's links and its state before step 0, attacks scheduled.
 
     Args:
         scenario: The scenario.
         seeds: Seeds of the runs whose samples are arrays; None: samples are floats, the seed is the scenario's.
+        recorded: States (T, 3) of each recorded experiment by DGU, for attackers who know a history that is in a bag.
 
     Raises:
         AttackError: An attack cannot act on its links.
@@ -94,18 +99,24 @@ def relay_of(scenario: Scenario, seeds: tuple[int, ...] | None = None) -> tuple[
         links=scenario.links,
         sampling_period_sec=scenario.sampling_period_sec,
         seed=scenario.seed if seeds is None else seeds,
-        insight=ScenarioKnowledge(scenario=scenario),
+        insight=ScenarioKnowledge(scenario=scenario, recorded=recorded),
     )
     return relay, relay.init([attack.plan for attack in scenario.attacks])
 
 
-def simulate(scenario: Scenario, seeds: Sequence[int] | None = None, block_steps: int = BLOCK_STEPS) -> Iterator[Block]:
+def simulate(
+    scenario: Scenario,
+    seeds: Sequence[int] | None = None,
+    block_steps: int = BLOCK_STEPS,
+    recorded: Mapping[int, Sequence[FloatArray]] | None = None,
+) -> Iterator[Block]:
     """Run a scenario from step 0 to its end.
 
     Args:
         scenario: What to run.
         seeds: One run for each seed; None: one run with the scenario's own.
         block_steps: Steps in a block; the last one may be shorter.
+        recorded: As for `relay_of`.
 
     Yields:
         Blocks in order of time. How runs and steps are grouped changes no bit of them.
@@ -113,7 +124,7 @@ def simulate(scenario: Scenario, seeds: Sequence[int] | None = None, block_steps
     runs = (scenario.seed,) if seeds is None else tuple(seeds)
     wiring = _Wiring.of(scenario)
     cell = cell_of_all(scenario, runs)
-    relay, relay_state = relay_of(scenario, runs)
+    relay, relay_state = relay_of(scenario, runs, recorded)
     state = cell.init()
     for first in range(0, scenario.steps, block_steps):
         buffer = _Buffer.empty(wiring, min(block_steps, scenario.steps - first), len(runs))

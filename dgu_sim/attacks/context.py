@@ -29,6 +29,10 @@ class Knowledge(Protocol):
         """Return 1/R_ij [S] of the power line along a link."""
         ...
 
+    def keeps(self, dgu: int) -> tuple[str, ...]:
+        """Return the components of its output that one DGU does not send: what listening on its links shows."""
+        ...
+
     def rated_current(self, dgu: int) -> float:
         """Return I^r [A] of one DGU."""
         ...

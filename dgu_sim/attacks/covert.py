@@ -47,6 +47,7 @@ class Covert(Attack):
     """
 
     knows: ClassVar[str] = "the victim's model"
+    whole_output: ClassVar[bool] = True
 
     load_a: Number = Field(default=0.0, description="Invented change of the copy's load current [A].")
     reference_v: Number = Field(default=0.0, description="Invented change of the copy's voltage reference [V].")

@@ -10,7 +10,7 @@ from dgu_sim.attacks.context import AttackContext
 from dgu_sim.errors import AttackError
 from dgu_sim.linear import Component, FloatArray
 
-__all__ = ["Parity", "Source", "parities_of"]
+__all__ = ["Parity", "Source", "parities_of", "parity_of_history"]
 
 _STATES = 3
 _RELATED = 5  # n + m_d: rank of two samples in a row, x and x+ = A x + E d
@@ -51,7 +51,7 @@ def parities_of(context: AttackContext, source: Source) -> tuple[Parity, ...]:
         if source is Source.MODEL:
             numbers: list[Component] = [float(value) for value in _from_model(*knowledge.model(dgu))]
         else:
-            numbers = context.each_run(lambda seed: _from_history(knowledge.history(dgu, seed), dgu))
+            numbers = context.each_run(lambda seed: parity_of_history(knowledge.history(dgu, seed), dgu))
         return Parity(numbers[:_STATES], numbers[_STATES:])
 
     return tuple(relation(link.source) for link in context.links)
@@ -63,7 +63,12 @@ def _from_model(A: FloatArray, E: FloatArray) -> FloatArray:
     return _scaled(np.concatenate([past, q]))
 
 
-def _from_history(experiments: Sequence[FloatArray], dgu: int) -> FloatArray:
+def parity_of_history(experiments: Sequence[FloatArray], dgu: int) -> FloatArray:
+    """Return past and future, shape (6,), from the states (T, 3) of each recorded experiment.
+
+    Raises:
+        AttackError: The history is too short.
+    """
     pairs = np.hstack([np.vstack([y[:-1].T, y[1:].T]) for y in experiments])
     if pairs.shape[1] < _RELATED:
         raise AttackError(

@@ -21,10 +21,12 @@ class Attack(Frozen):
 
     Attributes:
         knows: What the attacker must know beyond the messages on its links.
+        whole_output: Whether the source of each link must send V, I_t and v.
         publishes: Whether its samples are messages of a second publisher, beside those that the link carries.
     """
 
     knows: ClassVar[str] = "nothing"
+    whole_output: ClassVar[bool] = False
     publishes: ClassVar[bool] = False
 
     def check_links(self, links: Sequence[Link]) -> None:

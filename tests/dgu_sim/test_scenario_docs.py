@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
-from dgu_sim import loads, noise, settings, team_settings
+from dgu_sim import loads, noise, poison, settings, team_settings
 from dgu_sim.attacks import KINDS
 from dgu_sim.detector_defaults import DETECTORS, filled_in
 from dgu_sim.errors import ScenarioError
@@ -26,6 +26,11 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "Load: table": loads.TableLoad,
     "lines": settings.LineSettings,
     "receiver": settings.ReceiverSettings,
+    "Poison: scale": poison.ScalePoison,
+    "Poison: rotate": poison.RotatePoison,
+    "Poison: noise": poison.NoisePoison,
+    "Poison: inject": poison.InjectPoison,
+    "Poison: hide": poison.HidePoison,
     "secondary": settings.SecondarySettings,
     "Noise: none": noise.NoNoise,
     "Noise: uniform": noise.UniformNoise,
@@ -104,7 +109,7 @@ def test_every_model_of_a_scenario_has_a_section() -> None:
     """A new load, noise or section cannot be forgotten."""
     found = {
         value
-        for module in (loads, noise, settings, team_settings)
+        for module in (loads, noise, settings, team_settings, poison)
         for value in vars(module).values()
         if isinstance(value, type) and issubclass(value, BaseModel) and value.__module__ == module.__name__
     }

@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable
 
 GOLDEN_SCENARIO = Path(golden.__file__).with_name("three_dgus.yaml")
+HIDE = "poison=[{kind: hide, dgu: 1, bias: [0, 0.5, 0]}]"
 FALSIFY = "{kind: bias, bias: [0, 0.5, 0]}"
 DETECTOR = "monitor.detector.options={settle_sec: 0.1, calibrate_sec: 0.2}"
 
@@ -73,7 +74,7 @@ def test_processes_and_simulation_write_the_same_spoofed_bag(
     """Over ROS a second publisher sends; the bag has every byte in the place where the run without ROS has it."""
     spoof = f"{{kind: spoof, links: [1-2, 3-1], start_sec: 0.5, stop_sec: 0.8, falsify: {FALSIFY}}}"
     again = "{kind: spoof, link: 1-2, start_sec: 0.8, falsify: {kind: freeze}}"
-    scenario = write_scenario("duration_sec=1", f"attacks=[{spoof}, {again}]")
+    scenario = write_scenario("duration_sec=1", f"attacks=[{spoof}, {again}]", HIDE)
     bags = []
     for command in ("run", "simulate"):
         finished = dcmg(command, scenario, "--no-plots", "--json", "--out", tmp_path / command)

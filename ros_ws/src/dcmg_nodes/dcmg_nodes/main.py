@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 
-from bags.histories import grid_history_of_run, histories_of_run
+from bags.histories import grid_history_of_run, histories_of_run, recorded_states
 from bags.origin import attach_origin, host_facts
 from bags.schema import ATTACKER_NODE, CLOCK_NODE, dgu_name, monitor_name
 from bags.writer import open_recording
@@ -120,7 +120,7 @@ class _Builder:
         return node.ports
 
     def _attacker(self) -> Ports:
-        relay, state = relay_of(self._scenario)
+        relay, state = relay_of(self._scenario, recorded=recorded_states(self._scenario))
         return AttackerNode(self._wiring, self._host, relay, state, self._scenario.steps).ports
 
     def _monitor(self, dgu: int) -> Ports:
