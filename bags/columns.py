@@ -1,6 +1,6 @@
 """The per-step messages of a run on their way from chunks into the arrays of a window."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Any, final
 
@@ -142,7 +142,7 @@ class Columns:
         """
         for size in sizes:
             arrays = _Arrays.of(self.topics, size)
-            targets = arrays.targets(self.topics)
+            targets = arrays.targets(self.topics, self.by_name)
             self._fill(targets, size)
             while any(column.filled < size for column in self.by_name.values()):
                 following = next(chunks, None)
@@ -171,8 +171,8 @@ class Columns:
             column.fill(targets[name], steps)
 
 
-def columns_of(topics: RunTopics) -> Columns:
-    """Columns for a run of which nothing has been read."""
+def columns_of(topics: RunTopics, recorded: Collection[str]) -> Columns:
+    """Columns for a run of which nothing has been read; a topic that was not recorded leaves NaN, 0 or False."""
     clock, tick = topics.clock(), topics.tick()
     layouts = {clock.topic.name: clock.layout, tick.topic.name: tick.layout}
     for dgu in topics.dgus:
@@ -183,7 +183,7 @@ def columns_of(topics: RunTopics) -> Columns:
         layouts |= {received.topic.name: received.layout, residual.topic.name: residual.layout}
     if topics.team is not None:
         layouts |= {topic.name: topic.layout for topic in topics.team.per_step if topic.layout is not None}
-    by_name = {name: Column(name=name, layout=layout) for name, layout in layouts.items()}
+    by_name = {name: Column(name=name, layout=layout) for name, layout in layouts.items() if name in recorded}
     return Columns(topics=topics, by_name=by_name)
 
 
@@ -204,21 +204,21 @@ class _Arrays:
         dgus, links = (steps, len(topics.dgus)), (steps, len(topics.links))
         return cls(
             dgu_fields={
-                "x": np.empty((*dgus, _VECTOR)),
-                **{name: np.empty(dgus) for name in ("load_current", "reference", "alpha")},
+                "x": np.full((*dgus, _VECTOR), np.nan),
+                **{name: np.full(dgus, np.nan) for name in ("load_current", "reference", "alpha")},
             },
-            output_fields={"y": np.empty((*dgus, _VECTOR))},
-            received_fields={"y": np.empty((*links, _VECTOR)), "delivered": np.empty(links, dtype=np.bool_)},
+            output_fields={"y": np.full((*dgus, _VECTOR), np.nan)},
+            received_fields={"y": np.full((*links, _VECTOR), np.nan), "delivered": np.zeros(links, dtype=np.bool_)},
             residual_fields={
-                "phase": np.empty(links, dtype=np.uint8),
-                "alarm": np.empty(links, dtype=np.bool_),
-                **{name: np.empty((*links, _VECTOR)) for name in ("estimate", "residual", "threshold")},
+                "phase": np.zeros(links, dtype=np.uint8),
+                "alarm": np.zeros(links, dtype=np.bool_),
+                **{name: np.full((*links, _VECTOR), np.nan) for name in ("estimate", "residual", "threshold")},
             },
             team=None if topics.team is None else TeamArrays.empty(topics.team, steps),
         )
 
-    def targets(self, topics: RunTopics) -> dict[str, dict[str, NDArray[Any]]]:
-        """Where the fields of each per-step topic go, by topic."""
+    def targets(self, topics: RunTopics, recorded: Collection[str]) -> dict[str, dict[str, NDArray[Any]]]:
+        """Where the fields of each recorded per-step topic go, by topic."""
         found: dict[str, dict[str, NDArray[Any]]] = {topics.clock().topic.name: {}, topics.tick().topic.name: {}}
         for position, dgu in enumerate(topics.dgus):
             found[topics.state(dgu).topic.name] = _at(self.dgu_fields, position)
@@ -228,7 +228,7 @@ class _Arrays:
             found[topics.residual(link).topic.name] = _at(self.residual_fields, position)
         if topics.team is not None and self.team is not None:
             found |= self.team.targets(topics.team)
-        return found
+        return {name: fields for name, fields in found.items() if name in recorded}
 
     def fields(self) -> dict[str, Any]:
         """The arrays by the names they have in a RunRecord."""

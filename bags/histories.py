@@ -1,5 +1,6 @@
 """Offline experiments as a bag of their own."""
 
+import re
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -20,6 +21,8 @@ from dgu_sim.experiment import run_experiments
 from dgu_sim.grid_experiment import run_grid_experiments
 from dgu_sim.poisoning import poisoned
 from dgu_sim.scenario import Scenario
+
+_HISTORY_TOPIC = re.compile(r"/dgu_(\d+)/history")
 
 
 def histories_of_run(scenario: Scenario, dgu: int) -> list[HistoryRecord]:
@@ -110,6 +113,19 @@ def _recorded(path: Path, codec: HistoryCodec, what: str) -> list[HistoryRecord]
     if not records:
         raise BagError(f"{path}: holds nothing on {codec.topic.name}, expected a recorded history of {what}")
     return records
+
+
+def read_all_histories(path: Path) -> list[HistoryRecord]:
+    """The recorded experiments on every DGU in a bag.
+
+    Raises:
+        BagError: The bag cannot be read or holds no history.
+    """
+    names = open_container(path).topics
+    dgus = sorted(int(match[1]) for name in names if (match := _HISTORY_TOPIC.fullmatch(name)))
+    if not dgus:
+        raise BagError(f"{path}: holds no topic /dgu_1/history or the like, expected recorded histories")
+    return [record for dgu in dgus for record in read_histories(path, dgu)]
 
 
 def write_histories(scenario: Scenario, dgus: Sequence[int], path: Path) -> Path:

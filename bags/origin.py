@@ -12,6 +12,7 @@ from dgu_sim.scenario import Scenario
 
 SCENARIO_ATTACHMENT = "scenario.yaml"
 HOST_ATTACHMENT = "host.json"
+MONITOR_ATTACHMENT = "monitor.yaml"  # of a stream from outside, which has no scenario
 VERSIONS_ATTACHMENT = "versions.json"
 _PACKAGES = ("dcmg", "numpy", "scipy", "mcap", "rosbags")
 
@@ -30,10 +31,19 @@ def attach_origin(writer: BagWriter, scenario: Scenario, host: Mapping[str, obje
         BagError: The disk refuses.
     """
     writer.attach(SCENARIO_ATTACHMENT, scenario.to_yaml().encode(), "application/yaml")
-    versions = {"python": platform.python_version(), **{name: _version(name) for name in _PACKAGES}}
-    writer.attach(VERSIONS_ATTACHMENT, json.dumps(versions, indent=1).encode(), "application/json")
+    attach_versions(writer)
     if host is not None:
         writer.attach(HOST_ATTACHMENT, json.dumps(dict(host), indent=1).encode(), "application/json")
+
+
+def attach_versions(writer: BagWriter) -> None:
+    """Put the versions of what computed it into a bag.
+
+    Raises:
+        BagError: The disk refuses.
+    """
+    versions = {"python": platform.python_version(), **{name: _version(name) for name in _PACKAGES}}
+    writer.attach(VERSIONS_ATTACHMENT, json.dumps(versions, indent=1).encode(), "application/json")
 
 
 def host_facts() -> dict[str, object]:

@@ -72,7 +72,7 @@ class Run:
             BagError: The bag is damaged, or a step is missing: one line.
         """
         sizes = [min(steps, self.steps - start) for start in range(0, max(self.steps, 1), steps)]
-        columns = columns_of(self.topics)
+        columns = columns_of(self.topics, self._container.topics)
         start = 0
         for fields in columns.windows(sizes, self._per_step_chunks(columns.by_name)):
             size = min(steps, self.steps - start)
@@ -168,7 +168,7 @@ def open_run(path: Path) -> Run:
     container = open_container(path)
     topics = _topics_of(container)
     counts = container.counts
-    steps = min(counts[topic.name] for topic in topics.per_step)
+    steps = min(counts[topic.name] for topic in topics.per_step if topic.name in counts)
     documents = _Documents()
     _decode(container, documents.decoders(topics))
     return Run(
@@ -217,14 +217,19 @@ def _topics_of(container: Container) -> RunTopics:
     types = container.topics
     dgus = [int(match[1]) for name in types if (match := _STATE_TOPIC.fullmatch(name))]
     links = [Link(int(match[2]), int(match[1])) for name in types if (match := _RECEIVED_TOPIC.fullmatch(name))]
-    if not dgus or "/tick" not in types:
+    if not (dgus or links) or "/tick" not in types:
         found = " ".join(sorted(types)) or "none"
         raise BagError(
             f"{container.path}: found the topics {found:.80}, expected those of a run: /tick /dgu_1/state ..."
         )
+    simulated = bool(dgus)
+    if not simulated:  # a stream from outside: nobody knows what the DGUs sent
+        dgus = sorted({end for link in links for end in (link.source, link.target)})
     team = any(type_name == "dcmg_msgs/msg/TeamEstimate" for type_name in types.values())
     topics = run_topics(dgus, links, 1, team=team)
-    for topic in topics.per_step:
+    monitored = any(topics.residual(link).topic.name in types for link in links)
+    residuals = [topics.residual(link).topic for link in topics.links] if monitored else []
+    for topic in topics.per_step if simulated else [*topics.heard, *residuals]:
         if types.get(topic.name) != topic.type_name:
             raise BagError(
                 f"{container.path}: {topic.name} is {types.get(topic.name, 'missing')}, expected {topic.type_name}"

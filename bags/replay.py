@@ -11,13 +11,15 @@ from numpy.typing import NDArray
 from bags.convert import design_record, history_of
 from bags.errors import BagError
 from bags.monitors import MonitorArrays, RunMonitors, alarm_changes, design_monitors
-from bags.origin import SCENARIO_ATTACHMENT
+from bags.origin import MONITOR_ATTACHMENT, SCENARIO_ATTACHMENT
 from bags.reader import read_run
 from bags.records import AlarmRecord, DesignRecord
 from bags.run_record import RunRecord
 from bags.team_offline import TeamProgress, replayed_team, team_of_record
+from bags.yaml_text import dump
 from dgu_sim.grid import Link
-from dgu_sim.scenario import parse_scenario
+from dgu_sim.scenario import Scenario, parse_monitor, parse_scenario
+from dgu_sim.settings import MonitorSettings
 from monitor.history import History
 
 if TYPE_CHECKING:
@@ -96,18 +98,28 @@ def _prepare(record: RunRecord, overrides: Sequence[str]) -> _Prepared:
     for override in overrides:
         if not override.startswith(_MONITOR_SECTION):
             raise BagError(f"override {override!r}: a replay changes only {_MONITOR_SECTION}observer and .detector")
-    if not record.scenario_text:
-        raise BagError(f"{record.path}: holds no {SCENARIO_ATTACHMENT}, expected the scenario of the run")
-    source = f"{record.path}/{SCENARIO_ATTACHMENT}"
-    scenario = parse_scenario(record.scenario_text, source=source, overrides=overrides)
-    monitors = design_monitors(record.topics, scenario.monitor, histories_of(record))
+    settings, scenario, attachment = _settings(record, overrides)
+    monitors = design_monitors(record.topics, settings, histories_of(record))
     designs = {
         link: design_record(design, link.source, link.target)
         for link, design in zip(record.links, monitors.designs, strict=True)
     }
-    attachments = {**record.attachments, SCENARIO_ATTACHMENT: scenario.to_yaml().encode()}
-    team = team_of_record(scenario, record)
+    attachments = {**record.attachments, **attachment}
+    team = None if scenario is None else team_of_record(scenario, record)
     return _Prepared(monitors=monitors, designs=designs, attachments=attachments, team=team)
+
+
+def _settings(record: RunRecord, overrides: Sequence[str]) -> tuple[MonitorSettings, Scenario | None, dict[str, bytes]]:
+    """The monitor section, its scenario unless it is of a stream from outside, and the document that tells it."""
+    if record.scenario_text:
+        source = f"{record.path}/{SCENARIO_ATTACHMENT}"
+        scenario = parse_scenario(record.scenario_text, source=source, overrides=overrides)
+        return scenario.monitor, scenario, {SCENARIO_ATTACHMENT: scenario.to_yaml().encode()}
+    if MONITOR_ATTACHMENT not in record.attachments:
+        raise BagError(f"{record.path}: holds no {SCENARIO_ATTACHMENT}, expected the scenario of the run")
+    source = f"{record.path}/{MONITOR_ATTACHMENT}"
+    settings = parse_monitor(record.attachments[MONITOR_ATTACHMENT].decode(), source, overrides)
+    return settings, None, {MONITOR_ATTACHMENT: dump(settings.model_dump(mode="json")).encode()}
 
 
 def histories_of(record: RunRecord) -> dict[int, History]:

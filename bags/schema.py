@@ -90,6 +90,11 @@ class RunTopics:
             *(() if self.team is None else self.team.per_step),
         )
 
+    @cached_property
+    def heard(self) -> tuple[Topic, ...]:
+        """The topics that a bag of received outputs has at every step, whoever recorded them, in canonical order."""
+        return (self.clock().topic, self.tick().topic, *(self.received(link).topic for link in self.links))
+
     def published_by(self, node: str) -> tuple[Topic, ...]:
         """The recorded topics that one node publishes."""
         return tuple(topic for topic in self.all if node in topic.publishers)

@@ -26,7 +26,7 @@ from dgu_sim.settings import (
     SecondarySettings,
 )
 
-__all__ = ["Scenario", "load_scenario", "parse_scenario"]
+__all__ = ["Scenario", "load_scenario", "parse_monitor", "parse_scenario"]
 
 
 class Scenario(Frozen):
@@ -140,3 +140,23 @@ def parse_scenario(
     except ValidationError as error:
         problem = explain(error, data)
         raise ScenarioError(f"{raised_by(problem.key, overrides, source)}: {problem}") from error
+
+
+def parse_monitor(text: str, source: str, overrides: Sequence[str] = ()) -> MonitorSettings:
+    """Check the monitor section of a scenario, given on its own as YAML text.
+
+    Args:
+        text: The YAML text.
+        source: What to call it in messages.
+        overrides: "monitor.a.b=value" each.
+
+    Raises:
+        ScenarioError: One line with source, key, value and what was expected.
+    """
+    data = {"monitor": parse_yaml(text, source)}
+    apply_overrides(data, overrides, source)
+    try:
+        return MonitorSettings.model_validate(data["monitor"])
+    except ValidationError as error:
+        problem = explain(error, data["monitor"])
+        raise ScenarioError(f"{raised_by(('monitor', *problem.key), overrides, source)}: monitor.{problem}") from error

@@ -301,7 +301,8 @@ def _team_table(team: TeamOutline) -> Table:
 
 
 def _table(result: RunSummary) -> Table:
-    table = Table(title=f"{result.scenario}: {result.steps} steps, seed {result.seed}", title_justify="left")
+    seed = "" if result.seed is None else f", seed {result.seed}"
+    table = Table(title=f"{result.scenario or result.bag.name}: {result.steps} steps{seed}", title_justify="left")
     for heading in ("link", "attack", "alarm [s]", "delay [s]", "false alarms", "max |r| before", "max |r| after"):
         table.add_column(heading, justify="left" if heading in {"link", "attack"} else "right")
     for link in result.links:

@@ -1,0 +1,21 @@
+"""Units of foreign numbers, with their value in SI units."""
+
+import re
+
+from bags.errors import BagError
+
+_PREFIXES = {"n": 1e-9, "u": 1e-6, "µ": 1e-6, "m": 1e-3, "": 1.0, "k": 1e3, "M": 1e6}
+_BASES = ("V s", "V*s", "Vs", "Wb", "V", "A", "s", "W", "Ohm", "1")
+_UNIT = re.compile(f"({'|'.join(_PREFIXES)})({'|'.join(re.escape(base) for base in _BASES)})")
+
+
+def factor_of(unit: str) -> float:
+    """SI value of one unit, as in 0.001 for `mA`.
+
+    Raises:
+        BagError: The unit is unknown.
+    """
+    match = _UNIT.fullmatch(unit.strip())
+    if match is None:
+        raise BagError(f"unit {unit!r}: expected one of V, A, V s, s, W, Ohm, with n, u, m, k or M before it, or 1")
+    return _PREFIXES[match[1]]
