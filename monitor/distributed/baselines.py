@@ -2,7 +2,8 @@
 
 `model_based` is Theorem 1 of D with known A, B_i, Bbar_i, C_i. `identification_based` is the ID-DUIO that D compares
 with: Bbar_i and C_i are known, A and B_i are identified by least squares from the same data as if there were no unknown
-inputs, and Theorem 1 is applied to them.
+inputs, and Theorem 1 is applied to them. D does not say whether every node identifies a model of its own or all have
+one: `identification_based` does the former, `jointly_identified` the latter.
 """
 
 from __future__ import annotations
@@ -82,6 +83,43 @@ def identification_based(
         coefficients = one.Xdot @ np.linalg.pinv(np.vstack([one.X, one.U]))
         A, B = np.split(coefficients, [len(one.X)], axis=1)
         models.append(NodeModel(A=A, B=B, Bbar=coupling.Bbar, C=coupling.C))
+    return model_based(models, network, options, sampled=data[0].sampled)
+
+
+def jointly_identified(
+    data: Sequence[Regressors],
+    couplings: Sequence[NodeModel],
+    inputs: Sequence[Sequence[int]],
+    network: Network,
+    options: Mapping[str, object],
+) -> DistributedDesign:
+    """Identify one A and B from the data of all nodes, each with the inputs it knows, then Theorem 1.
+
+    What a node does not know acts as an error along its Bbar_i. Least squares take part of it for A + sum_i Bbar_i K_i,
+    and node j removes no more than Bbar_j K_j: the others' part stays.
+
+    Args:
+        data: of every node.
+        couplings: Bbar and C of every node.
+        inputs: numbers of the plant's inputs that each node knows, in the order of its U.
+        network: who exchanges estimates with whom.
+        options: as for the others.
+
+    Raises:
+        MonitorError: an option that does not fit.
+    """
+    n, m = len(data[0].X), 1 + max((one for known in inputs for one in known), default=-1)
+    regressors = []
+    for one, known in zip(data, inputs, strict=True):
+        U = np.zeros((m, one.columns))
+        U[list(known)] = one.U
+        regressors.append(np.vstack([one.X, U]))
+    coefficients = np.hstack([one.Xdot for one in data]) @ np.linalg.pinv(np.hstack(regressors))
+    A, B = np.split(coefficients, [n], axis=1)
+    models = [
+        NodeModel(A=A, B=B[:, list(known)], Bbar=coupling.Bbar, C=coupling.C)
+        for known, coupling in zip(inputs, couplings, strict=True)
+    ]
     return model_based(models, network, options, sampled=data[0].sampled)
 
 

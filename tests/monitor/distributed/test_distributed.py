@@ -24,7 +24,13 @@ from monitor.distributed import (
     ring,
     sampled,
 )
-from monitor.distributed.baselines import NodeModel, identification_based, model_based, solution_of
+from monitor.distributed.baselines import (
+    NodeModel,
+    identification_based,
+    jointly_identified,
+    model_based,
+    solution_of,
+)
 from monitor.distributed.gains import error_dynamics, lie_response, stability
 from monitor.distributed.solution import NodeSolution, solve_node
 from monitor.errors import HistoryError, MonitorError
@@ -245,6 +251,16 @@ def test_identification_needs_bbar_and_then_decouples_exactly() -> None:
     truth = model_based(models(), ring(5), {}, sampled=False)
     for one, two in zip(made.gains, truth.gains, strict=True):
         assert np.allclose(one.E, two.E, atol=1e-9)
+
+
+def test_one_identified_model_is_wrong_where_a_node_cannot_remove_what_others_do_not_know() -> None:
+    """Nodes 2, 4, 5 remove both forces; node 1 and 3 know u1, remove the other one, and keep the error along u1."""
+    data = spring_data(np.random.default_rng(0))
+    made = jointly_identified(data, models(), KNOWN, ring(5), {})
+    truth = model_based(models(), ring(5), {}, sampled=False)
+    off = [np.linalg.norm((a.E + a.L @ a.C) - (b.E + b.L @ b.C)) for a, b in zip(made.gains, truth.gains, strict=True)]
+    assert np.all(np.array(off)[[1, 3, 4]] < 1e-9)
+    assert np.all(np.array(off)[[0, 2]] > 1e-2)
 
 
 @pytest.mark.parametrize("form", ["integral", "filtered"])
