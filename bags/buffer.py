@@ -1,6 +1,7 @@
 """Closed chunks on their way to the disk, written by a thread of their own, so that a slow disk stops nobody.
 
-Compressing and writing release the interpreter: the thread costs the run next to nothing.
+The thread does little but wait for the disk: what needs the interpreter (packing) is done by whoever closes the chunk,
+because a thread that competes for the interpreter with a busy run waits milliseconds for each turn.
 """
 
 import threading
@@ -8,15 +9,15 @@ from collections import deque
 from collections.abc import Callable
 from typing import final
 
-from bags.chunk import OpenChunk
 from bags.errors import BagError
+from bags.packing import PackedChunk
 
 
 @final
 class ChunkBuffer:
     """A bounded queue of chunks and the thread that empties it."""
 
-    def __init__(self, store: Callable[[OpenChunk], None], max_bytes: int) -> None:
+    def __init__(self, store: Callable[[PackedChunk], None], max_bytes: int) -> None:
         """Start the thread.
 
         Args:
@@ -25,7 +26,7 @@ class ChunkBuffer:
         """
         self._store = store
         self._max_bytes = max_bytes
-        self._chunks: deque[OpenChunk] = deque()
+        self._chunks: deque[PackedChunk] = deque()
         self._size = 0  # bytes that are not yet written, those in the thread's hands included
         self._failure: BagError | None = None
         self._closed = False
@@ -38,7 +39,7 @@ class ChunkBuffer:
         """Whether as much waits as may wait."""
         return self._size >= self._max_bytes
 
-    def put(self, chunk: OpenChunk, *, wait: bool) -> None:
+    def put(self, chunk: PackedChunk, *, wait: bool) -> None:
         """Hand a chunk over.
 
         Args:
@@ -53,7 +54,7 @@ class ChunkBuffer:
                 self._changed.wait_for(lambda: not self.full or self._failure is not None)
             self._raise_failure()
             self._chunks.append(chunk)
-            self._size += len(chunk.buffer)
+            self._size += chunk.size
             self._changed.notify_all()
 
     def drain(self) -> None:
@@ -100,5 +101,5 @@ class ChunkBuffer:
                     self._changed.notify_all()
                 return
             with self._changed:
-                self._size -= len(chunk.buffer)
+                self._size -= chunk.size
                 self._changed.notify_all()

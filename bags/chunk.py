@@ -1,6 +1,7 @@
 """An MCAP chunk while it fills: the bytes of its messages, and where each of them stands."""
 
 import struct
+from array import array
 from typing import final
 
 import numpy as np
@@ -25,13 +26,14 @@ class OpenChunk:
         self.buffer = bytearray()
         self.channel_ids: list[NDArray[np.uint16]] = []
         self.entries: list[NDArray[np.uint64]] = []  # columns: log time [ns], offset in the chunk
-        self._single_ids: list[int] = []
-        self._single_entries: list[tuple[int, int]] = []
+        self._single_ids = array("H")
+        self._single_entries = array("Q")  # log time and offset of one message after the other
 
     def add(self, channel_id: int, log_time: int, head: bytes, data: bytes) -> None:
         """Append one message: its MCAP head and its payload."""
         self._single_ids.append(channel_id)
-        self._single_entries.append((log_time, len(self.buffer)))
+        self._single_entries.append(log_time)
+        self._single_entries.append(len(self.buffer))
         self.buffer += head
         self.buffer += data
 
@@ -54,14 +56,11 @@ class OpenChunk:
         self._gather()
         return min(int(part[:, 0].min()) for part in self.entries), max(int(part[:, 0].max()) for part in self.entries)
 
-    def index_records(self, position: int) -> tuple[dict[int, int], dict[int, int], bytes]:
+    def index_records(self) -> tuple[dict[int, int], dict[int, int], bytes]:
         """One MessageIndex record for each channel, by channel id.
 
-        Args:
-            position: Where the first record will stand in the file.
-
         Returns:
-            Where the record of each channel stands in the file, how many messages each channel has, all bytes.
+            Where the record of each channel starts behind the chunk, how many messages each channel has, all bytes.
         """
         self._gather()
         channel_ids, entries = np.concatenate(self.channel_ids), np.concatenate(self.entries)
@@ -74,13 +73,13 @@ class OpenChunk:
         records = bytearray()
         for start, end in zip(starts, [*starts[1:], len(channel_ids)], strict=True):
             channel_id, size = int(channel_ids[start]), ENTRY_BYTES * (end - start)
-            offsets[channel_id], counts[channel_id] = position + len(records), end - start
+            offsets[channel_id], counts[channel_id] = len(records), end - start
             records += INDEX_HEAD.pack(Opcode.MESSAGE_INDEX, 6 + size, channel_id, size)
             records += raw[ENTRY_BYTES * start : ENTRY_BYTES * end]
         return offsets, counts, bytes(records)
 
     def _gather(self) -> None:
         if self._single_ids:
-            self.channel_ids.append(np.array(self._single_ids, dtype=np.uint16))
-            self.entries.append(np.array(self._single_entries, dtype=np.uint64))
-            self._single_ids, self._single_entries = [], []
+            self.channel_ids.append(np.frombuffer(self._single_ids, dtype=np.uint16))
+            self.entries.append(np.frombuffer(self._single_entries, dtype=np.uint64).reshape(-1, 2))
+            self._single_ids, self._single_entries = array("H"), array("Q")

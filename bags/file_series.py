@@ -7,10 +7,10 @@ from typing import final
 
 from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
 
-from bags.chunk import OpenChunk
 from bags.errors import BagError
-from bags.mcap_file import Compression, McapFile
+from bags.mcap_file import McapFile
 from bags.metadata import BagInfo, FileEntry, TopicEntry, offered_qos_text, write_metadata
+from bags.packing import Compression, PackedChunk
 from bags.recording import Split
 from bags.topic import Topic
 from bags.typestore import schema_text, type_hash
@@ -68,7 +68,7 @@ class FileSeries:
         """Put free texts into metadata.yaml."""
         self._custom |= texts
 
-    def add_chunk(self, chunk: OpenChunk) -> None:
+    def add_chunk(self, chunk: PackedChunk) -> None:
         """Write a closed chunk, into the next file where the split says so.
 
         Raises:
@@ -76,9 +76,9 @@ class FileSeries:
         """
         start_ns, _ = self._file.time_range_ns
         try:
-            if sum(self._file.counts.values()) and self._split.due(self._file.size, start_ns, chunk.time_range_ns()[1]):
+            if sum(self._file.counts.values()) and self._split.due(self._file.size, start_ns, chunk.time_range_ns[1]):
                 self._next_file()
-            self._file.add_chunk(chunk)
+            self._file.add_packed(chunk)
         except OSError as error:
             self.finish()
             end_ns = max([self._file.time_range_ns[1], *(one.end_ns for one in self._done)])

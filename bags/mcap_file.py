@@ -8,21 +8,16 @@ its last complete chunk, and further while there is no room for the summary.
 
 import struct
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from enum import Enum
 from pathlib import Path
-from typing import Protocol, cast, final
+from typing import final
 
-import lz4.frame  # type: ignore[import-untyped] # lz4 ships no types
-import zstandard
-from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 from mcap.records import (
     Attachment,
     AttachmentIndex,
     Channel,
-    Chunk,
     ChunkIndex,
     DataEnd,
     Footer,
@@ -36,22 +31,10 @@ from mcap.records import (
 from mcap.writer import LIBRARY_IDENTIFIER, MCAP0_MAGIC
 
 from bags.chunk import ENTRY_BYTES, INDEX_HEAD, RECORD_HEAD_BYTES, OpenChunk
+from bags.packing import Compression, PackedChunk, Record, encode, packer
 
 OURS = "dcmg; "  # who wrote a file: what we wrote can be checked more strictly
 _RECORDS_AT_ONCE = 1000  # of the summary
-_ZSTD_LEVEL = 1  # 1.5 times as fast as the default 3, and no larger on our data
-
-
-class Compression(Enum):
-    """How the chunks of a bag are compressed; the values are MCAP's."""
-
-    NONE = ""
-    LZ4 = "lz4"
-    ZSTD = "zstd"
-
-
-class _Record(Protocol):
-    def write(self, stream: RecordBuilder) -> None: ...
 
 
 @final
@@ -83,8 +66,7 @@ class McapFile:
         self._stream = path.open("x+b", buffering=0)
         self._position, self._crc = 0, 0
         self._marks: list[_Mark] = []
-        self._compression = compression
-        self._compress = _compressor(compression)
+        self._pack = packer(compression)
         self._definitions: dict[Opcode, list[bytes]] = {Opcode.SCHEMA: [], Opcode.CHANNEL: []}
         self._indexes: dict[Opcode, list[bytes]] = {
             Opcode.CHUNK_INDEX: [],
@@ -114,7 +96,7 @@ class McapFile:
     def add_schema(self, name: str, encoding: str, data: bytes) -> int:
         """Append a schema and return its id."""
         known = self._definitions[Opcode.SCHEMA]
-        record = _encode(Schema(id=len(known) + 1, name=name, encoding=encoding, data=data))
+        record = encode(Schema(id=len(known) + 1, name=name, encoding=encoding, data=data))
         known.append(record)
         self._write(record)
         return len(known)
@@ -129,7 +111,7 @@ class McapFile:
             schema_id=schema_id,
             metadata=dict(metadata),
         )
-        record = _encode(channel)
+        record = encode(channel)
         known.append(record)
         self._write(record)
         self._counts[channel.id] = 0
@@ -148,54 +130,51 @@ class McapFile:
             name=name,
             media_type=media_type,
         )
-        self._indexes[Opcode.ATTACHMENT_INDEX].append(_encode(index))
+        self._indexes[Opcode.ATTACHMENT_INDEX].append(encode(index))
 
     def add_metadata(self, name: str, values: Mapping[str, str]) -> None:
         """Append a metadata record."""
         offset, length = self._append(Metadata(name=name, metadata=dict(values)))
-        self._indexes[Opcode.METADATA_INDEX].append(_encode(MetadataIndex(offset=offset, length=length, name=name)))
+        self._indexes[Opcode.METADATA_INDEX].append(encode(MetadataIndex(offset=offset, length=length, name=name)))
 
     def add_chunk(self, chunk: OpenChunk) -> None:
-        """Close a chunk: compress it, write it with its message indexes and hand all to the operating system.
+        """Close a chunk and write it.
 
         Raises:
             OSError: The disk refuses; the file is cut back to the chunk before.
         """
-        start_ns, end_ns = chunk.time_range_ns()
-        data = self._compress(chunk.buffer)
-        record = _encode(
-            Chunk(
-                compression=self._compression.value,
-                data=data,
-                message_start_time=start_ns,
-                message_end_time=end_ns,
-                uncompressed_crc=zlib.crc32(chunk.buffer),
-                uncompressed_size=len(chunk.buffer),
-            )
-        )
+        self.add_packed(self._pack(chunk))
+
+    def add_packed(self, chunk: PackedChunk) -> None:
+        """Write a chunk with its message indexes and hand all to the operating system.
+
+        Raises:
+            OSError: The disk refuses; the file is cut back to the chunk before.
+        """
         offset, crc = self._position, self._crc
-        offsets, counts, index_records = chunk.index_records(offset + len(record))
         try:
-            self._write(record)
-            self._write(index_records)
+            self._write(chunk.record)
+            self._write(chunk.index_records)
         except OSError:
             self._cut(offset, crc)
             raise
+        start_ns, end_ns = chunk.time_range_ns
+        behind = offset + len(chunk.record)
         index = ChunkIndex(
             message_start_time=start_ns,
             message_end_time=end_ns,
             chunk_start_offset=offset,
-            chunk_length=len(record),
-            message_index_offsets=offsets,
-            message_index_length=len(index_records),
-            compression=self._compression.value,
-            compressed_size=len(data),
-            uncompressed_size=len(chunk.buffer),
+            chunk_length=len(chunk.record),
+            message_index_offsets={channel_id: behind + at for channel_id, at in chunk.offsets.items()},
+            message_index_length=len(chunk.index_records),
+            compression=chunk.compression,
+            compressed_size=chunk.compressed_size,
+            uncompressed_size=chunk.uncompressed_size,
         )
-        self._indexes[Opcode.CHUNK_INDEX].append(_encode(index))
+        self._indexes[Opcode.CHUNK_INDEX].append(encode(index))
         before = (self._start_ns, self._end_ns)
-        self._marks.append(_Mark(position=offset, crc=crc, length=len(record), time_range_ns=before))
-        for channel_id, count in counts.items():
+        self._marks.append(_Mark(position=offset, crc=crc, length=len(chunk.record), time_range_ns=before))
+        for channel_id, count in chunk.counts.items():
             self._counts[channel_id] += count
         self._start_ns, self._end_ns = min(self._start_ns, start_ns), max(self._end_ns, end_ns)
 
@@ -259,7 +238,7 @@ class McapFile:
         groups = {
             Opcode.SCHEMA: self._definitions[Opcode.SCHEMA],
             Opcode.CHANNEL: self._definitions[Opcode.CHANNEL],
-            Opcode.STATISTICS: [_encode(self._statistics())],
+            Opcode.STATISTICS: [encode(self._statistics())],
             **self._indexes,
         }
         offsets = bytearray()
@@ -269,12 +248,12 @@ class McapFile:
                 self._write(b"".join(records[first : first + _RECORDS_AT_ONCE]))
             if records:
                 length = self._position - at
-                offsets += _encode(SummaryOffset(group_opcode=opcode, group_start=at, group_length=length))
+                offsets += encode(SummaryOffset(group_opcode=opcode, group_start=at, group_length=length))
         offset_start = self._position
         self._write(offsets)
         # the summary's check sum runs over the footer up to the check sum itself
         crc = zlib.crc32(struct.pack("<BQQQ", Opcode.FOOTER, 20, start, offset_start), self._crc)
-        self._write(_encode(Footer(summary_start=start, summary_offset_start=offset_start, summary_crc=crc)))
+        self._write(encode(Footer(summary_start=start, summary_offset_start=offset_start, summary_crc=crc)))
 
     def _cut(self, position: int, crc: int) -> None:
         self._stream.truncate(position)
@@ -293,10 +272,10 @@ class McapFile:
         self._position += len(data)
         self._crc = zlib.crc32(data, self._crc)
 
-    def _append(self, record: _Record) -> tuple[int, int]:
+    def _append(self, record: Record) -> tuple[int, int]:
         """Write a record; return where it starts and how long it is."""
         offset = self._position
-        data = _encode(record)
+        data = encode(record)
         self._write(data)
         return offset, len(data)
 
@@ -313,19 +292,3 @@ class McapFile:
             metadata_count=len(self._indexes[Opcode.METADATA_INDEX]),
             schema_count=len(self._definitions[Opcode.SCHEMA]),
         )
-
-
-def _compressor(compression: Compression) -> Callable[[bytearray], bytes]:
-    match compression:
-        case Compression.NONE:
-            return bytes
-        case Compression.LZ4:
-            return cast("Callable[[bytearray], bytes]", lz4.frame.compress)
-        case Compression.ZSTD:
-            return zstandard.ZstdCompressor(level=_ZSTD_LEVEL).compress
-
-
-def _encode(record: _Record) -> bytes:
-    builder = RecordBuilder()
-    record.write(builder)
-    return bytes(cast("bytes", builder.end()))  # type: ignore[no-untyped-call] # mcap leaves it without a type

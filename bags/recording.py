@@ -6,7 +6,7 @@ from enum import Enum
 from typing import Final, final
 
 from bags.errors import BagError
-from bags.mcap_file import Compression
+from bags.packing import Compression
 
 
 class ChunkPreset(Enum):
@@ -52,11 +52,11 @@ class Buffer:
     """What may wait for the disk in memory.
 
     Attributes:
-        max_bytes: Bytes of closed chunks, before compression.
+        max_bytes: Bytes of closed chunks, compressed.
         when_full: What happens beyond.
     """
 
-    max_bytes: int = 64 * 1024 * 1024
+    max_bytes: int = 32_000_000
     when_full: WhenFull = WhenFull.WAIT
 
     def __post_init__(self) -> None:

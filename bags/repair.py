@@ -23,9 +23,10 @@ from bags.chunk import OpenChunk
 from bags.errors import BagError
 from bags.file_bytes import FileBytes
 from bags.frames import Frame, parse_definition
-from bags.mcap_file import Compression, McapFile
+from bags.mcap_file import McapFile
 from bags.messages import MessageTable, walk
 from bags.metadata import ROS_DISTRO, BagInfo, FileEntry, TopicEntry, write_metadata
+from bags.packing import Compression
 from bags.scan import Fault, Messages, survey
 from bags.summary_section import SummarySection, summary_of
 from bags.yaml_text import load

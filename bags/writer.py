@@ -15,7 +15,7 @@ from bags.buffer import ChunkBuffer
 from bags.chunk import MESSAGE_HEAD, MESSAGE_HEAD_LENGTH, OpenChunk
 from bags.errors import BagError
 from bags.file_series import FileSeries
-from bags.mcap_file import Compression
+from bags.packing import Compression, packer
 from bags.recording import CHUNK_PRESETS, Buffer, ChunkPreset, Recording, Split, TopicFilter, WhenFull
 from bags.topic import Topic, TopicKind
 
@@ -70,6 +70,7 @@ class BagWriter:
         self._chunk = OpenChunk()
         self._opened_at = time.monotonic()
         self._closed = False
+        self._pack = packer(compression)
         self._files = FileSeries(path, compression, split or Split())
         self._files.note(custom_data or {})
         for topic in topics:
@@ -246,7 +247,7 @@ class BagWriter:
         self.close()
 
     def _close_chunk(self) -> None:
-        chunk, self._chunk = self._chunk, OpenChunk()
+        chunk, self._chunk = self._pack(self._chunk), OpenChunk()
         if self._buffer is None:
             self._files.add_chunk(chunk)
         else:

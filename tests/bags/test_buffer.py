@@ -24,13 +24,13 @@ class Disk:
     def __init__(self, monkeypatch: pytest.MonkeyPatch) -> None:
         """Stand in the way of every chunk."""
         self.go = threading.Event()
-        add_chunk = McapFile.add_chunk
+        add_packed = McapFile.add_packed
 
         def slow(file: McapFile, chunk: object) -> None:
             self.go.wait()
-            add_chunk(file, chunk)  # type: ignore[arg-type]
+            add_packed(file, chunk)  # type: ignore[arg-type]
 
-        monkeypatch.setattr(McapFile, "add_chunk", slow)
+        monkeypatch.setattr(McapFile, "add_packed", slow)
 
 
 def _record(writer: BagWriter, topics: RunTopics, steps: range) -> None:
@@ -110,7 +110,7 @@ def test_a_disk_that_refuses_ends_the_recording(
     def refuse(*_: object) -> None:
         raise OSError(28, os.strerror(28))
 
-    monkeypatch.setattr(McapFile, "add_chunk", refuse)
+    monkeypatch.setattr(McapFile, "add_packed", refuse)
     with pytest.raises(BagError, match=r"No space left on device\); it is closed and valid up to"):
         _record(writer, topics, range(100, 100_000))
     writer.close()

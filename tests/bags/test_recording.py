@@ -13,7 +13,8 @@ from rosbags.highlevel import AnyReader
 from bags.bag import open_bag
 from bags.check import check
 from bags.errors import BagError
-from bags.mcap_file import Compression, McapFile
+from bags.mcap_file import McapFile
+from bags.packing import Compression
 from bags.reader import read_run
 from bags.recording import Split, TopicFilter
 from bags.repair import repair
@@ -142,7 +143,7 @@ def test_no_room_for_the_next_file(tmp_path: Path, topics: RunTopics, monkeypatc
     def fill() -> None:
         for step in range(100_000):
             if len(list((tmp_path / "bag").glob("*.mcap"))) == 3:
-                monkeypatch.setattr(McapFile, "add_chunk", refuse)
+                monkeypatch.setattr(McapFile, "add_packed", refuse)
                 monkeypatch.setattr(McapFile, "finish", refuse)
                 monkeypatch.setattr(McapFile, "drop_last_chunk", lambda _: False)
             writer.write("/tick", topics.stamp_ns(step), topics.tick().encode(step))

@@ -24,7 +24,7 @@ from bags.check import check
 from bags.container import open_container
 from bags.errors import BagError
 from bags.expand import expand
-from bags.mcap_file import Compression
+from bags.packing import Compression
 from bags.reader import read_run
 from bags.repair import repair
 from bags.run_record import RunRecord

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from rosbags.highlevel import AnyReader
 
 from bags.errors import BagError
-from bags.mcap_file import Compression
+from bags.packing import Compression
 from bags.schema import RunTopics
 from bags.typestore import type_hash
 from bags.writer import BagWriter
@@ -232,7 +232,7 @@ def test_full_disk_is_one_line(tmp_path: Path, topics: RunTopics, monkeypatch: p
     def refuse(_chunk: object) -> None:
         raise OSError(28, os.strerror(28))
 
-    monkeypatch.setattr(bag._files._file, "add_chunk", refuse)
+    monkeypatch.setattr(bag._files._file, "add_packed", refuse)
     bag.write("/tick", 0, topics.tick().encode(0))
     with pytest.raises(BagError, match=r"bag: cannot write the bag \(No space left on device\)"):
         bag.flush()

@@ -9,8 +9,8 @@ from mcap.writer import CompressionType, Writer
 from rosbags.highlevel import AnyReader
 
 from bags.bag import open_bag
-from bags.mcap_file import Compression
 from bags.offline import simulate_to_bag
+from bags.packing import Compression
 from bags.reader import read_run
 from bags.replay import replay
 from bags.schema import run_topics

@@ -107,7 +107,7 @@ def run(
     bag_split_sec: BagSplitSec = None,
     bag_topics: BagTopics = None,
     bag_exclude: BagExclude = None,
-    bag_buffer_mb: BagBufferMb = 64.0,
+    bag_buffer_mb: BagBufferMb = 32.0,
     bag_when_full: BagWhenFull = None,
 ) -> None:
     """Run a scenario over ROS 2: one process per node, recorded to a bag."""
@@ -230,7 +230,7 @@ def node(
     bag_split_sec: BagSplitSec = None,
     bag_topics: BagTopics = None,
     bag_exclude: BagExclude = None,
-    bag_buffer_mb: BagBufferMb = 64.0,
+    bag_buffer_mb: BagBufferMb = 32.0,
     bag_when_full: BagWhenFull = None,
 ) -> None:
     """Start single nodes of a run: what `dcmg run` supervises, by hand, on this or another host.

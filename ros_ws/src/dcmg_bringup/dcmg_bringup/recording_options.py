@@ -7,7 +7,7 @@ from typing import Annotated
 
 import typer
 
-from bags.mcap_file import Compression
+from bags.packing import Compression
 from bags.recording import Buffer, ChunkPreset, Recording, Split, TopicFilter, WhenFull
 from dcmg_nodes.options import PacingMode
 
@@ -100,7 +100,7 @@ def recording_of(
     split_sec: float | None,
     topics: list[str] | None,
     exclude: list[str] | None,
-    buffer_mb: float = 64.0,
+    buffer_mb: float = 32.0,
     when_full: WhenFull | None = None,
     pacing: PacingMode = PacingMode.LOCKSTEP,
 ) -> Recording:
