@@ -14,18 +14,17 @@ from bags.monitors import MonitorArrays, RunMonitors, alarm_changes, design_moni
 from bags.origin import MONITOR_ATTACHMENT, SCENARIO_ATTACHMENT
 from bags.reader import read_run
 from bags.records import AlarmRecord, DesignRecord
+from bags.replay_settings import check_overrides, replayed_scenario
 from bags.run_record import RunRecord
 from bags.team_offline import TeamProgress, replayed_team, team_of_record
 from bags.yaml_text import dump
 from dgu_sim.grid import Link
-from dgu_sim.scenario import Scenario, parse_monitor, parse_scenario
+from dgu_sim.scenario import Scenario, parse_monitor
 from dgu_sim.settings import MonitorSettings
 from monitor.history import History
 
 if TYPE_CHECKING:
     from monitor.link_monitor import MonitorState
-
-_MONITOR_SECTION = "monitor."
 
 
 def replay(run: RunRecord | Path, overrides: Sequence[str] = ()) -> RunRecord:
@@ -95,9 +94,7 @@ class _Prepared:
 
 
 def _prepare(record: RunRecord, overrides: Sequence[str]) -> _Prepared:
-    for override in overrides:
-        if not override.startswith(_MONITOR_SECTION):
-            raise BagError(f"override {override!r}: a replay changes only {_MONITOR_SECTION}observer and .detector")
+    check_overrides(overrides)
     settings, scenario, attachment = _settings(record, overrides)
     monitors = design_monitors(record.topics, settings, histories_of(record))
     designs = {
@@ -112,8 +109,7 @@ def _prepare(record: RunRecord, overrides: Sequence[str]) -> _Prepared:
 def _settings(record: RunRecord, overrides: Sequence[str]) -> tuple[MonitorSettings, Scenario | None, dict[str, bytes]]:
     """The monitor section, its scenario unless it is of a stream from outside, and the document that tells it."""
     if record.scenario_text:
-        source = f"{record.path}/{SCENARIO_ATTACHMENT}"
-        scenario = parse_scenario(record.scenario_text, source=source, overrides=overrides)
+        scenario = replayed_scenario(record.path, record.scenario_text, overrides)
         return scenario.monitor, scenario, {SCENARIO_ATTACHMENT: scenario.to_yaml().encode()}
     if MONITOR_ATTACHMENT not in record.attachments:
         raise BagError(f"{record.path}: holds no {SCENARIO_ATTACHMENT}, expected the scenario of the run")

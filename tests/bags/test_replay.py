@@ -7,11 +7,14 @@ import numpy as np
 import pytest
 
 from bags.errors import BagError
+from bags.histories import write_histories
 from bags.reader import open_run
 from bags.replay import replay, replay_windows
+from bags.replay_settings import history_messages, with_histories
 from bags.report import summary
 from bags.run_record import RunRecord
 from dgu_sim.errors import ScenarioError
+from dgu_sim.scenario import Scenario
 from monitor.errors import MonitorError
 
 CONCLUSIONS = ("phase", "alarm", "estimate", "residual", "threshold")
@@ -63,3 +66,20 @@ def test_incomplete_bags_are_named(record: RunRecord) -> None:
         replay(replace(record, attachments={}))
     with pytest.raises(BagError, match="0 experiments of DGU 2, expected 1"):
         replay(replace(record, histories=tuple(one for one in record.histories if one.dgu != 2)))
+
+
+def test_other_histories(scenario: Scenario, record: RunRecord, tmp_path: Path) -> None:
+    """Designed from histories recorded elsewhere, the monitors differ, and the scenario names the other bag."""
+    other = scenario.model_copy(update={"seed": 8})
+    bag = write_histories(other, (1, 2, 3), tmp_path / "histories")
+    (again,) = replay_windows(with_histories([record], bag))
+    assert again.designs != record.designs
+    assert again.residual.tobytes() != record.residual.tobytes()
+    assert str(bag) in again.scenario_text
+    told = history_messages(bag, (2,))
+    codec = record.topics.history(2)
+    assert [codec.decode(data).x.tolist() for data in told[codec.topic.name]] == [
+        one.x.tolist() for one in again.histories if one.dgu == 2
+    ]
+    with pytest.raises(BagError, match="holds nothing on /dgu_2/history"):
+        list(replay_windows(with_histories([record], write_histories(other, (1, 3), tmp_path / "too_few"))))

@@ -45,6 +45,7 @@ def dcmg(monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]) ->
         ("attack",),
         ("attack", "start"),
         ("paper",),
+        ("player",),
     ],
 )
 def test_help_teaches(dcmg: Dcmg, command: tuple[str, ...]) -> None:

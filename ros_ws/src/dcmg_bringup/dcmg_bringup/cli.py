@@ -13,7 +13,7 @@ import typer
 
 from bags.errors import BagError
 from bags.recording import ChunkPreset
-from dcmg_bringup import attack_commands, bag_commands, import_commands, jobs, paper_commands
+from dcmg_bringup import attack_commands, bag_commands, import_commands, jobs, paper_commands, player_commands
 from dcmg_bringup.design_command import design
 from dcmg_bringup.errors import BringupError
 from dcmg_bringup.reconstruct_command import reconstruct
@@ -29,6 +29,7 @@ from dcmg_bringup.recording_options import (
     CompressionName,
     recording_of,
 )
+from dcmg_bringup.replay_command import replay
 from dcmg_bringup.soak_command import soak
 from dcmg_bringup.study_command import study
 from dcmg_nodes.errors import NodeError
@@ -55,7 +56,9 @@ app.add_typer(attack_commands.app, name="attack")
 app.add_typer(paper_commands.app, name="paper")
 app.add_typer(bag_commands.app, name="bag")
 app.add_typer(import_commands.app, name="import")
+app.add_typer(player_commands.app, name="player")
 app.command("design")(design)
+app.command("replay")(replay)
 app.command("reconstruct")(reconstruct)
 app.command("soak")(soak)
 app.command("study")(study)
@@ -170,26 +173,6 @@ def simulate(
         exclude=bag_exclude,
     )
     raise typer.Exit(jobs.simulate(options, recording=recording, json=json, plots=plots))
-
-
-@app.command()
-def replay(
-    bag: Annotated[Path, typer.Argument(help="bag of an earlier run")],
-    *,
-    set_: Annotated[
-        list[str] | None,
-        typer.Option(
-            "--set",
-            metavar="A.B=VALUE",
-            help="change the monitors, as in `monitor.detector.options.margin=3`; repeatable",
-            show_default=False,
-        ),
-    ] = None,
-    out: Annotated[Path | None, typer.Option(help="folder for the plots; default: none are drawn")] = None,
-    json: Json = False,
-) -> None:
-    """Feed the recorded received outputs of a run to freshly designed monitors."""
-    raise typer.Exit(jobs.replay(bag, overrides=set_ or [], out=out, json=json))
 
 
 @app.command()

@@ -139,21 +139,6 @@ def simulate(options: ScenarioOptions, *, recording: Recording, json: bool, plot
     return 0
 
 
-def replay(bag: Path, *, overrides: Sequence[str], out: Path | None, json: bool) -> int:
-    """Evaluate the recorded received outputs of a run again."""
-    from bags.outline import outline  # noqa: PLC0415 (heavy)
-    from bags.plots import draw  # noqa: PLC0415
-    from bags.reader import open_run  # noqa: PLC0415
-    from bags.replay import replay_windows  # noqa: PLC0415
-    from bags.report import summary  # noqa: PLC0415
-
-    run = open_run(bag)
-    found = outline(_shown(replay_windows(run.windows(), overrides), run.steps, "replaying"), run.steps)
-    pictures = draw(found, out) if out is not None else ()
-    _print(summary(found, bag), pictures, json=json)
-    return 0
-
-
 def experiment(options: ScenarioOptions, *, dgus: Sequence[int]) -> int:
     """Write the offline experiments of DGUs as a bag of histories."""
     from bags.histories import write_histories  # noqa: PLC0415 (heavy)
@@ -229,14 +214,14 @@ def _show(bag: Path, plots_dir: Path | None, *, json: bool, partial: bool) -> No
         _show_counts(bag, json=json)
         return
     run = open_run(bag)
-    found = outline(_shown(run.windows(), run.steps, "reading"), run.steps)
+    found = outline(shown(run.windows(), run.steps, "reading"), run.steps)
     pictures: Sequence[Path] = ()
     if plots_dir is not None:
         from bags.plots import draw  # noqa: PLC0415 (heavy)
 
         with _messages.status("drawing"):
             pictures = draw(found, plots_dir / _PLOTS)
-    _print(summary(found, bag), pictures, json=json)
+    print_summary(summary(found, bag), pictures, json=json)
 
 
 def _is_partial(scenario: Scenario, recording: Recording) -> bool:
@@ -261,7 +246,7 @@ def _show_counts(bag: Path, *, json: bool) -> None:
     console.print(f"bag:   {bag}", highlight=False, soft_wrap=True)
 
 
-def _shown(windows: Iterable[RunRecord], steps: int, what: str) -> Iterator[RunRecord]:
+def shown(windows: Iterable[RunRecord], steps: int, what: str) -> Iterator[RunRecord]:
     """Pass the windows of a run on, with a progress bar for as long as they last."""
     with Progress(console=_messages, transient=True) as progress:
         task = progress.add_task(what, total=steps)
@@ -270,7 +255,8 @@ def _shown(windows: Iterable[RunRecord], steps: int, what: str) -> Iterator[RunR
             progress.update(task, completed=window.end_step)
 
 
-def _print(result: RunSummary, pictures: Sequence[Path], *, json: bool) -> None:
+def print_summary(result: RunSummary, pictures: Sequence[Path], *, json: bool) -> None:
+    """Print what a run says, as a table or as one JSON document."""
     if json:
         print(json_module.dumps({**result.document(), "plots": [str(path) for path in pictures]}))  # noqa: T201
         return

@@ -1,0 +1,47 @@
+"""What `dcmg replay` does, once its arguments are parsed."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+from dcmg_bringup.jobs import print_summary, shown
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+    from pathlib import Path
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MonitorChanges:
+    """How the monitors of a replay differ from those of the run.
+
+    Attributes:
+        overrides: changes of the monitor section, "monitor.a.b=value".
+        history: bag with the histories that they are designed from, None: those of the run.
+    """
+
+    overrides: Sequence[str] = ()
+    history: Path | None = None
+
+    @property
+    def none(self) -> bool:
+        """Whether they are the same."""
+        return not self.overrides and self.history is None
+
+
+def evaluate(bag: Path, changes: MonitorChanges, *, out: Path | None, json: bool) -> int:
+    """Evaluate the recorded received outputs of a run again; return the exit code."""
+    from bags.outline import outline  # noqa: PLC0415 (heavy)
+    from bags.plots import draw  # noqa: PLC0415
+    from bags.reader import open_run  # noqa: PLC0415
+    from bags.replay import replay_windows  # noqa: PLC0415
+    from bags.replay_settings import with_histories  # noqa: PLC0415
+    from bags.report import summary  # noqa: PLC0415
+
+    run = open_run(bag)
+    windows = run.windows() if changes.history is None else with_histories(run.windows(), changes.history)
+    found = outline(shown(replay_windows(windows, changes.overrides), run.steps, "replaying"), run.steps)
+    pictures = draw(found, out) if out is not None else ()
+    print_summary(summary(found, bag), pictures, json=json)
+    return 0
