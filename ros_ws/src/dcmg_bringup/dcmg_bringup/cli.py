@@ -30,6 +30,7 @@ from dcmg_bringup.recording_options import (
     recording_of,
 )
 from dcmg_bringup.replay_command import replay
+from dcmg_bringup.report_command import report
 from dcmg_bringup.soak_command import soak
 from dcmg_bringup.study_command import study
 from dcmg_nodes.errors import NodeError
@@ -60,6 +61,7 @@ app.add_typer(player_commands.app, name="player")
 app.command("design")(design)
 app.command("replay")(replay)
 app.command("reconstruct")(reconstruct)
+app.command("report")(report)
 app.command("soak")(soak)
 app.command("study")(study)
 

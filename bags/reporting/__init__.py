@@ -1,0 +1,1 @@
+"""`dcmg report`: everything a recorded run says about detection, as one web page and one JSON document."""

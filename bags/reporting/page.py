@@ -1,0 +1,70 @@
+"""The report as one HTML file that opens without a network."""
+
+import json
+from collections.abc import Mapping
+from importlib import resources
+from typing import Any
+
+from bokeh.embed import components
+from bokeh.resources import Resources
+from jinja2 import Environment
+from markupsafe import Markup
+
+from bags.reporting.alarm_sources import SOURCES
+from bags.reporting.assessment import IMPACTS, Assessment
+from bags.reporting.figures import figures, panels
+from bags.reporting.making import making_of
+from bags.reporting.timeline import Timeline
+from bags.reporting.topology import SIZE, drawing
+from bags.reporting.wording import NOTHING, interval, number, share
+
+
+def page(timeline: Timeline, assessment: Assessment) -> str:
+    """Put the measures and pictures of a run into a page."""
+    found = dict(figures(timeline, assessment))
+    script, places = components(found) if found else ("", {})
+    library = Resources(mode="inline", components=["bokeh"]).js_raw if found else []
+    environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
+    environment.filters.update(number=number, share=share, interval=interval, words=_words)
+    text = resources.files("bags.reporting").joinpath("page.html.j2").read_text(encoding="utf-8")
+    return environment.from_string(text).render(
+        timeline=timeline,
+        assessment=assessment,
+        main=next(iter(assessment.overall.values()), None),
+        making=making_of(timeline.run, timeline.steps),
+        drawing=drawing(timeline, assessment),
+        size=SIZE,
+        sources=SOURCES,
+        impacts=IMPACTS,
+        confusion=_confusion(timeline, assessment),
+        shown=panels(timeline),
+        nothing=NOTHING,
+        places={name: Markup(place) for name, place in places.items()},  # noqa: S704 - bokeh's own
+        script=Markup(script),  # noqa: S704 - idem
+        library=[Markup(one) for one in library],  # noqa: S704 - idem
+    )
+
+
+def _words(parameters: str) -> str:
+    """Parameters of an attack (JSON) on one line."""
+    try:
+        document = json.loads(parameters or "{}")
+    except ValueError:
+        return parameters
+    return ", ".join(f"{key} {value}" for key, value in document.items() if value is not None)
+
+
+def _confusion(timeline: Timeline, assessment: Assessment) -> Mapping[str, Any]:
+    """The rows of the confusion matrix that have samples, as shares."""
+    overall = next(iter(assessment.overall.values()), None)
+    if overall is None:
+        return {}
+    names = [*(str(link) for link in timeline.run.links), "none"]
+    samples, totals = overall.isolation.samples, overall.isolation.attacked_samples
+    columns = [position for position in range(len(names)) if samples[:, position].any() or position == len(names) - 1]
+    rows = [
+        {"name": names[row], "cells": [(row == one, samples[row, one] / totals[row]) for one in columns]}
+        for row in range(len(names))
+        if totals[row]
+    ]
+    return {"columns": [names[one] for one in columns], "rows": rows}

@@ -1,0 +1,212 @@
+"""A run gathered for its report in one pass: a few small numbers a step, curves thinned, errors summed up."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bags.reporting.alarm_sources import SOURCES
+from bags.reporting.attacks import Attack, attacks_of
+from bags.reporting.fold import Envelope, fold, stretches_of
+from bags.reporting.options import ReportOptions
+from bags.run_record import RunRecord
+from bags.yaml_text import load
+from dgu_sim.grid import Link
+from monitor.detectors import Phase
+from monitor.measures import ErrorSums, GridImpact, grid_impact, score, under_attack
+
+_MOST_NUMBERS = 400_000  # of all curves together: about 3 MB of the page
+_MOST_POINTS, _FEWEST_POINTS = 1000, 100  # stretches of a curve
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Curves:
+    """What is drawn over time.
+
+    Attributes:
+        x: True states, (dgus, 3) [V, A, V s].
+        alpha: Secondary corrections, (dgus,) [V].
+        residual: |r|, (links, 3) [V, A, V s].
+        threshold: (links, 3) [V, A, V s].
+        score: Largest |r_i| / threshold_i, (links,).
+        impact: <V> - <V_ref> [V], max |dV_i| [V], sharing spread, (3,).
+    """
+
+    x: Envelope
+    alpha: Envelope
+    residual: Envelope
+    threshold: Envelope
+    score: Envelope
+    impact: Envelope
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Timeline:
+    """A run, gathered.
+
+    Attributes:
+        run: Its last window: topics, designs, events and documents of the run.
+        steps: Complete steps.
+        attacks: By start.
+        truth: Whether the bag holds true states.
+        phase: Shape (steps, links).
+        alarms: Alarms of each source that the run has, shape (steps, links).
+        score: Largest |r_i| / threshold_i, shape (steps, links).
+        impact: Distances from the goals of control, None without truth.
+        clear_errors: Of the estimates of each link while it is not attacked; none without truth.
+        attacked_errors: The same while it is.
+        curves: What is drawn.
+    """
+
+    run: RunRecord
+    steps: int
+    attacks: tuple[Attack, ...]
+    truth: bool
+    phase: NDArray[np.uint8]
+    alarms: Mapping[str, NDArray[np.bool_]]
+    score: NDArray[np.float32]
+    impact: GridImpact | None
+    clear_errors: Mapping[Link, ErrorSums]
+    attacked_errors: Mapping[Link, ErrorSums]
+    curves: Curves
+
+    @property
+    def period_sec(self) -> float:
+        """T_s [s]."""
+        return self.run.sampling_period_sec
+
+    def attack_intervals(self, link: Link) -> tuple[tuple[int, int], ...]:
+        """Steps [start, stop) of the attacks on a link."""
+        return self.run.attack_intervals(link, self.steps)
+
+
+def gather(windows: Iterable[RunRecord], steps: int, options: ReportOptions) -> Timeline:
+    """Go through a run once.
+
+    Args:
+        windows: Its consecutive windows; at least one.
+        steps: Its complete steps, in all windows together.
+        options: Choices behind the measures.
+    """
+    gatherer: _Gatherer | None = None
+    for window in windows:
+        gatherer = gatherer or _Gatherer(window, steps, options)
+        gatherer.add(window)
+        last = window
+    assert gatherer is not None  # noqa: S101 - there is at least one window
+    return gatherer.timeline(last)
+
+
+class _Gatherer:
+    """The arrays of a Timeline while its windows go by."""
+
+    def __init__(self, first: RunRecord, steps: int, options: ReportOptions) -> None:
+        period_sec = first.sampling_period_sec
+        self.steps, links, dgus = steps, len(first.links), len(first.topics.dgus)
+        self.block_steps = max(round(options.block_sec / period_sec), 1)
+        self.settle_steps = round(options.aftermath_sec / period_sec)
+        self.truth = False
+        self.rated = _rated_currents(first)
+        self.lags = np.array([_lag(first, link) for link in first.links], dtype=np.intp)
+        self.attacked = np.array(
+            [under_attack(steps, first.attack_intervals(link, steps)) for link in first.links], dtype=np.bool_
+        ).reshape(links, steps)
+        self.phase = np.zeros((steps, links), dtype=np.uint8)
+        self.score = np.full((steps, links), np.nan, dtype=np.float32)
+        self.alarms: dict[str, NDArray[np.bool_]] = {}
+        self.impact = np.full((steps, 3), np.nan)
+        self.errors = np.zeros((stretches_of(steps, self.block_steps), 2, links, 3, 3))  # clear/attacked; n, |e|, e^2
+        self.before = np.full((int(self.lags.max(initial=0)), dgus, 3), np.nan)  # states of the last window's end
+        length = stretch_length(steps, 4 * dgus + 7 * links)
+        shapes = {"x": (dgus, 3), "alpha": (dgus,), "residual": (links, 3), "threshold": (links, 3), "score": (links,)}
+        self.curves = {
+            name: Envelope.empty(steps, length, *shape) for name, shape in (*shapes.items(), ("impact", (3,)))
+        }
+
+    def add(self, window: RunRecord) -> None:
+        """Take the next window."""
+        if not window.steps:
+            return
+        rows, first = slice(window.first_step, window.end_step), window.first_step
+        ratio = score(window.residual, window.threshold)
+        self.phase[rows], self.score[rows] = window.phase, np.minimum(ratio, 1e30)
+        for name, source in SOURCES.items():
+            alarm = source.of(window)
+            if alarm is not None:
+                self.alarms.setdefault(name, np.zeros(self.phase.shape, dtype=np.bool_))[rows] = alarm
+        drawn = {"alpha": window.alpha, "residual": np.abs(window.residual), "threshold": window.threshold}
+        for name, values in {**drawn, "x": window.x, "score": ratio}.items():
+            self.curves[name].add(values, first)
+        if np.isfinite(window.x).any():
+            self.truth = True
+            found = grid_impact(window.x[:, :, 0], window.x[:, :, 1], window.reference - window.alpha, self.rated)
+            self.impact[rows] = np.column_stack([found.mean_voltage, found.voltage, found.sharing])
+            self.curves["impact"].add(self.impact[rows], first)
+            self._add_errors(window)
+
+    def _add_errors(self, window: RunRecord) -> None:
+        """Compare each estimate with the state that it is of, lag steps ago."""
+        states = np.concatenate([self.before, window.x])
+        kept = len(self.before)
+        steps = np.arange(window.steps)
+        for position, link in enumerate(window.links):
+            source = window.topics.dgus.index(link.source)
+            error = window.estimate[:, position] - states[steps + kept - self.lags[position], source]
+            counts = (window.phase[:, position] != Phase.SETTLING.value) & (
+                steps + window.first_step >= self.settle_steps
+            )
+            attacked = self.attacked[position, window.first_step : window.end_step]
+            for kind, among in enumerate((counts & ~attacked, counts & attacked)):
+                known = among[:, None] & np.isfinite(error)
+                magnitude = np.where(known, np.abs(error), 0.0)
+                sums = np.stack([known.astype(np.float64), magnitude, magnitude * magnitude], axis=1)
+                fold(self.errors[:, kind, position], sums, window.first_step, self.block_steps, np.add)
+        self.before = states[len(states) - kept :]
+
+    def timeline(self, last: RunRecord) -> Timeline:
+        """What was gathered."""
+        clear, attacked = (
+            {
+                link: ErrorSums(count=sums[:, 0], absolute=sums[:, 1], squared=sums[:, 2])
+                for position, link in enumerate(last.links)
+                for sums in (self.errors[:, kind, position],)
+            }
+            for kind in (0, 1)
+        )
+        mean_voltage, voltage, sharing = self.impact.T
+        impact = GridImpact(mean_voltage=mean_voltage, voltage=voltage, sharing=sharing)
+        return Timeline(
+            run=last,
+            steps=self.steps,
+            attacks=attacks_of(last, self.steps),
+            truth=self.truth,
+            phase=self.phase,
+            alarms=self.alarms,
+            score=self.score,
+            impact=impact if self.truth else None,
+            clear_errors=clear if self.truth else {},
+            attacked_errors=attacked if self.truth else {},
+            curves=Curves(**self.curves),
+        )
+
+
+def stretch_length(steps: int, curves: int) -> int:
+    """Steps of each stretch of which only the extremes are drawn."""
+    points = min(max(_MOST_NUMBERS // max(2 * curves, 1), _FEWEST_POINTS), _MOST_POINTS)
+    return 1 if steps <= 2 * points else -(-steps // points)
+
+
+def _lag(run: RunRecord, link: Link) -> int:
+    return run.designs[link].lag if link in run.designs else 0
+
+
+def _rated_currents(run: RunRecord) -> NDArray[np.float64]:
+    """I^r of each DGU [A]; 1 where the bag's scenario does not say."""
+    document = load(run.scenario_text) if run.scenario_text else None
+    units = document.get("dgus", []) if isinstance(document, dict) else []
+    rated = {one.get("id"): one.get("rated_current_a", 1.0) for one in units if isinstance(one, dict)}
+    return np.array([float(rated.get(dgu, 1.0)) for dgu in run.topics.dgus])

@@ -1,0 +1,51 @@
+"""What a run was worth to a defender: detection, false alarms, isolation, impact, estimates (theory, section 9).
+
+Pure functions of arrays, one measure a file. Nothing on the hot path imports them.
+"""
+
+from monitor.measures.batadal import Batadal, batadal
+from monitor.measures.episodes import Episode, detect, missed_rate
+from monitor.measures.estimation import ErrorSums, EstimateErrors, estimate_errors
+from monitor.measures.false_alarms import AlarmRates, alarm_rates, quiet_steps, under_attack
+from monitor.measures.impact import GridImpact, Impact, grid_impact, impact_of
+from monitor.measures.intervals import (
+    Estimate,
+    Interval,
+    block_bootstrap,
+    block_sums,
+    clopper_pearson,
+    mean_time_between,
+)
+from monitor.measures.isolation import Isolation, isolation
+from monitor.measures.roc import Roc, roc
+from monitor.measures.score import score
+
+__all__ = [
+    "AlarmRates",
+    "Batadal",
+    "Episode",
+    "ErrorSums",
+    "Estimate",
+    "EstimateErrors",
+    "GridImpact",
+    "Impact",
+    "Interval",
+    "Isolation",
+    "Roc",
+    "alarm_rates",
+    "batadal",
+    "block_bootstrap",
+    "block_sums",
+    "clopper_pearson",
+    "detect",
+    "estimate_errors",
+    "grid_impact",
+    "impact_of",
+    "isolation",
+    "mean_time_between",
+    "missed_rate",
+    "quiet_steps",
+    "roc",
+    "score",
+    "under_attack",
+]
