@@ -150,6 +150,11 @@ def _report(windows: Windows, behaviour: Behaviour) -> InputReport:
 def _impossible(report: InputReport, behaviour: Behaviour) -> str | None:
     """Why no estimator exists, as far as the record tells."""
     if report.visibility is not None and report.visibility <= invisible_below(behaviour):
+        if behaviour.noise:
+            return (
+                f"condition (8) of I cannot be told from noise: the input at t shows as {report.visibility:.1g} in the "
+                f"outputs up to t + {report.delay}, noise as {behaviour.noise:.1g}; record longer, or try least_squares"
+            )
         return (
             f"condition (8) of I fails, U_f ker H is not 0: the input at t does not show in the outputs up to "
             f"t + {report.delay} (visibility {report.visibility:.1g}); use a larger future or more outputs"

@@ -283,3 +283,14 @@ def test_it_runs_as_a_link_monitor_and_restarts_after_a_gap() -> None:
     assert np.isnan(found[150])
     assert np.isfinite(found[151])
     assert np.allclose(np.array(found)[[149, 299]], u[[149, 299], 0], atol=1e-6)
+
+
+def test_noise_that_hides_the_input_is_named_as_the_reason() -> None:
+    """An input that acts 30 times weaker than the other, under noise 1e-2: not refused as impossible, but as hidden."""
+    generator = np.random.default_rng(0)
+    A, B, C, D = stable_plant(generator, 3, 2, 2, direct=False)
+    weak = record((A, B * np.array([1.0, 0.03]), C, D), generator, samples=200, noise=0.01)
+    made = design("cl_uie", weak, {"future": 2, "order": 3})
+    assert not made.accepted
+    assert "cannot be told from noise" in made.verdict
+    assert design("cl_uie", weak, {"future": 2, "fit": "least_squares"}).accepted
