@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json as json_module
 import os
+import sys
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -152,6 +153,5 @@ def _show(question: str, comparisons: Sequence[Comparison], limit: float) -> Non
     table = Table(*COLUMNS, title=question)
     for one in comparisons:
         table.add_row(*cells(one))
-    console = Console()
-    console.print(table, width=None if console.is_terminal else _PIPED_WIDTH, crop=False)
+    Console(width=None if sys.stdout.isatty() else _PIPED_WIDTH).print(table)
     typer.echo(f"best: most runs detected, then the shortest delay, with at most {limit:g} false alarms per sample")
