@@ -158,6 +158,12 @@ class AlarmCodec:
     period_ns: int
     monitor: int
 
+    def encode_record(self, alarm: AlarmRecord) -> bytes:
+        """Bytes of an alarm."""
+        stamp = stamp_of(alarm.step, self.period_ns)
+        told = (alarm.step, alarm.source, self.monitor, alarm.active)
+        return self.layout.pack(*stamp, *told, *alarm.residual, *alarm.threshold)
+
     def encode(self, step: int, source: int, output: MonitorOutput) -> bytes:
         """Bytes for a verdict that changed at step k on the link from `source`."""
         return self.layout.pack(

@@ -10,6 +10,8 @@ from numpy.typing import NDArray
 
 from bags.cdr import Layout
 from bags.chunk import MESSAGE_HEAD, MESSAGE_HEAD_LENGTH
+from bags.combined_arrays import CombinedFields
+from bags.combined_topics import CombinedTopics
 from bags.container import ChunkView, record_dtype
 from bags.errors import BagError
 from bags.schema import RunTopics
@@ -183,6 +185,8 @@ def columns_of(topics: RunTopics, recorded: Collection[str]) -> Columns:
         layouts |= {received.topic.name: received.layout, residual.topic.name: residual.layout}
     if topics.team is not None:
         layouts |= {topic.name: topic.layout for topic in topics.team.per_step if topic.layout is not None}
+    if topics.combined is not None:
+        layouts |= {topic.name: topic.layout for topic in topics.combined.per_step if topic.layout is not None}
     by_name = {name: Column(name=name, layout=layout) for name, layout in layouts.items() if name in recorded}
     return Columns(topics=topics, by_name=by_name)
 
@@ -197,6 +201,8 @@ class _Arrays:
     received_fields: Mapping[str, NDArray[Any]]
     residual_fields: Mapping[str, NDArray[Any]]
     team: TeamArrays | None
+    combined: CombinedFields | None
+    combined_topics: CombinedTopics | None
 
     @classmethod
     def of(cls, topics: RunTopics, steps: int) -> "_Arrays":
@@ -215,6 +221,8 @@ class _Arrays:
                 **{name: np.full((*links, _VECTOR), np.nan) for name in ("estimate", "residual", "threshold")},
             },
             team=None if topics.team is None else TeamArrays.empty(topics.team, steps),
+            combined=None if topics.combined is None else CombinedFields.empty(topics.combined, steps),
+            combined_topics=topics.combined,
         )
 
     def targets(self, topics: RunTopics, recorded: Collection[str]) -> dict[str, dict[str, NDArray[Any]]]:
@@ -228,12 +236,19 @@ class _Arrays:
             found[topics.residual(link).topic.name] = _at(self.residual_fields, position)
         if topics.team is not None and self.team is not None:
             found |= self.team.targets(topics.team)
+        if self.combined is not None and self.combined_topics is not None:
+            found |= {topic.name: {} for topic in self.combined_topics.sent}
+            found |= dict(self.combined.by_topic(self.combined_topics))
         return {name: fields for name, fields in found.items() if name in recorded}
 
     def fields(self) -> dict[str, Any]:
         """The arrays by the names they have in a RunRecord."""
         received = {"received": self.received_fields["y"], "delivered": self.received_fields["delivered"]}
-        return {**self.dgu_fields, **self.output_fields, **received, **self.residual_fields, "told": self.team}
+        combined = None
+        if self.combined is not None and self.combined_topics is not None:
+            combined = self.combined.arrays(self.combined_topics)
+        heard = {**self.dgu_fields, **self.output_fields, **received, **self.residual_fields}
+        return {**heard, "told": self.team, "combined": combined}
 
 
 def _at(fields: Mapping[str, NDArray[Any]], position: int) -> dict[str, NDArray[Any]]:

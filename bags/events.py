@@ -1,13 +1,16 @@
 """The messages of varying occasion behind the per-step messages of a row, for a run without ROS."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import TypeAlias, final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bags.monitors import MonitorArrays, alarm_changes
+from bags.alarm_events import in_order, link_alarms, local_alarms
+from bags.combined_arrays import CombinedFields
+from bags.monitors import MonitorArrays
+from bags.records import AlarmRecord
 from bags.schema import RunTopics
 from bags.stream import LinkFaults, stream_changes
 from bags.topic import Topic
@@ -26,36 +29,51 @@ class EventState:
 
     Attributes:
         alarm: Verdicts at the last step, shape (links,).
+        own_alarm: Verdicts on the own states at the last step, shape (monitors,).
         faults: Faults of the streams at the last step.
     """
 
     alarm: NDArray[np.bool_]
+    own_alarm: NDArray[np.bool_]
     faults: LinkFaults
 
     @classmethod
     def start(cls, topics: RunTopics) -> "EventState":
         """Before step 0."""
-        return cls(alarm=np.zeros(len(topics.links), dtype=np.bool_), faults=LinkFaults.none(topics.links))
+        return cls(
+            alarm=np.zeros(len(topics.links), dtype=np.bool_),
+            own_alarm=np.zeros(len(topics.monitors), dtype=np.bool_),
+            faults=LinkFaults.none(topics.links),
+        )
 
 
 def events_of(
-    topics: RunTopics, block: Block, outputs: MonitorArrays, before: EventState
+    topics: RunTopics,
+    block: Block,
+    outputs: MonitorArrays,
+    before: EventState,
+    combined: CombinedFields | None = None,
 ) -> tuple[EventState, dict[int, list[tuple[Topic, bytes]]]]:
     """Topic and bytes of the messages that follow the per-step messages of a row, in canonical order."""
     relayed = relayed_of(block)[1]
     doubled = [(one.step - block.first_step, one.position) for one in block.doubled]
     faults, changes = stream_changes(before.faults, topics.links, relayed, doubled, block.first_step)
     found: dict[int, list[tuple[Topic, bytes]]] = {}
+    alarms = link_alarms(outputs, before.alarm, block.first_step, topics.links)
+    own_alarm = before.own_alarm
+    if topics.combined is not None and combined is not None and combined.local:
+        alarms += local_alarms(combined, own_alarm, block.first_step, topics.combined)
+        own_alarm = combined.local["alarm"][-1]
     for events in (
         _second(topics, block),
-        _alarms(topics, block, outputs, before.alarm),
+        _alarms(topics, block, alarms),
         _streams(topics, block, changes),
         _attacks(topics, block),
         _diagnostics(topics, block, outputs, before.faults, changes),
     ):
         for row, topic, data in events:
             found.setdefault(row, []).append((topic, data))
-    return EventState(alarm=outputs.alarm[-1], faults=faults), found
+    return EventState(alarm=outputs.alarm[-1], own_alarm=own_alarm, faults=faults), found
 
 
 def relayed_of(block: Block) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
@@ -76,11 +94,10 @@ def _second(topics: RunTopics, block: Block) -> Iterator[Event]:
         yield one.step - block.first_step, codec.topic, codec.encode(one.step, sample)
 
 
-def _alarms(topics: RunTopics, block: Block, outputs: MonitorArrays, before: NDArray[np.bool_]) -> Iterator[Event]:
-    for row, position in alarm_changes(outputs.alarm, before, topics.links):
-        link = topics.links[position]
-        codec = topics.alarms(link.target)
-        yield row, codec.topic, codec.encode(block.first_step + row, link.source, outputs.at(row, position))
+def _alarms(topics: RunTopics, block: Block, alarms: Sequence[AlarmRecord]) -> Iterator[Event]:
+    for alarm in in_order(alarms):
+        codec = topics.alarms(alarm.monitor)
+        yield alarm.step - block.first_step, codec.topic, codec.encode_record(alarm)
 
 
 def _streams(topics: RunTopics, block: Block, changes: list[tuple[int, int, StreamChange]]) -> Iterator[Event]:

@@ -11,20 +11,20 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bags.ahead import ahead
-from bags.convert import design_record, history_of
+from bags.combined_arrays import CombinedFields
+from bags.convert import history_of
 from bags.events import EventState, events_of, relayed_of
+from bags.following import Following, follow
 from bags.histories import histories_of_run, recorded_states
-from bags.monitors import MonitorArrays, design_monitors
+from bags.monitors import MonitorArrays
 from bags.origin import attach_origin
 from bags.recording import CHUNK_PRESETS, ChunkPreset, Recording
 from bags.records import HistoryRecord
-from bags.schema import RunTopics, run_topics
+from bags.schema import RunTopics, topics_of
 from bags.team_offline import fill_team, team_of_run, write_team_documents
 from bags.writer import BagWriter
 from dgu_sim.scenario import Scenario
-from dgu_sim.simulate import Block, simulate
-from monitor.observers import Design
+from dgu_sim.simulate import Block
 
 # few hundred steps a chunk: nobody waits for them to reach the disk, and larger chunks cost less
 _RECORDING = Recording(chunks=ChunkPreset.COMPACT)
@@ -54,14 +54,12 @@ def simulate_to_bag(
         BagError: The bag cannot be written.
         monitor.errors.MonitorError: Unknown observer or detector, or options of theirs.
     """
-    has_team = scenario.monitor.team is not None
-    topics = run_topics(scenario.grid.dgus, scenario.links, scenario.sampling_period_ns, team=has_team)
+    topics = topics_of(scenario)
     records = {dgu: histories_of_run(scenario, dgu) for dgu in topics.dgus}
     histories = {dgu: history_of(history) for dgu, history in records.items()}
-    monitors = design_monitors(topics, scenario.monitor, histories)
+    following = follow(scenario, topics, histories, recorded_states(scenario), _BLOCK_STEPS)
     team = team_of_run(scenario, topics)
-    recorded = recorded_states(scenario)
-    states, told = monitors.init(), EventState.start(topics)
+    told = EventState.start(topics)
     with BagWriter(
         path,
         topics.all,
@@ -72,15 +70,16 @@ def simulate_to_bag(
         topic_filter=recording.topics,
     ) as writer:
         attach_origin(writer, scenario, host)
-        _write_latched(writer, topics, records, monitors.designs)
+        _write_latched(writer, topics, records, following)
         if team is not None:
             write_team_documents(writer, team)
         layout = writer.format_of(topics.per_step)
-        for block in ahead(lambda: simulate(scenario, block_steps=_BLOCK_STEPS, recorded=recorded)):
-            states, outputs = monitors.run(states, block.received[:, 0], block.delivered[:, 0])
+        for block, outputs, combined in following.blocks:
             rows = layout.block(block.first_step, len(block.x), topics.sampling_period_ns)
             fill_rows(rows, topics, block, outputs)
-            told, events = events_of(topics, block, outputs, told)
+            if combined is not None:
+                fill_combined_rows(rows, topics, block, combined)
+            told, events = events_of(topics, block, outputs, told, combined)
             for one in block.doubled:
                 second = topics.second(topics.links[one.position]).topic
                 if second.name not in writer.counts:
@@ -120,6 +119,28 @@ def fill_rows(rows: NDArray[np.void], topics: RunTopics, block: Block, outputs: 
         _fill(rows[topics.residual(link).topic.name], concluded, numbers, position)
 
 
+def fill_combined_rows(rows: NDArray[np.void], run: RunTopics, block: Block, fields: CombinedFields) -> None:
+    """Write into their messages what only monitors say that draw one conclusion from several tests.
+
+    Args:
+        rows: As for `fill_rows`.
+        run: The topics of the run.
+        block: States and outputs of one run.
+        fields: What the monitors said.
+    """
+    topics = run.combined
+    assert topics is not None  # noqa: S101 - whoever has the fields has the topics
+    own = {"y": block.y[:, 0], "reference": block.reference[:, 0]}
+    for monitor in topics.monitors if topics.parts.local else ():
+        _fill(rows[topics.own(monitor).topic.name], own, {"dgu": monitor}, run.dgus.index(monitor))
+    numbers = {topics.verdict(monitor).topic.name: {"monitor": monitor} for monitor in topics.monitors}
+    numbers |= {topics.residual(one).topic.name: {"source": one, "monitor": one} for one in topics.monitors}
+    numbers |= {topics.input(one).topic.name: {"source": one.source, "monitor": one.target} for one in topics.links}
+    for name, arrays in fields.by_topic(topics):
+        for field, array in (arrays | numbers[name]).items():
+            rows[name][field] = array
+
+
 def _fill(
     messages: NDArray[np.void], arrays: Mapping[str, NDArray[Any]], numbers: Mapping[str, int], position: int
 ) -> None:
@@ -133,12 +154,11 @@ def _write_latched(
     writer: BagWriter,
     topics: RunTopics,
     records: Mapping[int, Sequence[HistoryRecord]],
-    designs: Sequence[Design],
+    following: Following,
 ) -> None:
     for dgu in topics.dgus:
         history = topics.history(dgu)
         for record in records[dgu]:
             writer.write(history.topic.name, 0, history.encode(record))
-    for link, design in zip(topics.links, designs, strict=True):
-        codec = topics.design(link)
-        writer.write(codec.topic.name, 0, codec.encode(design_record(design, link.source, link.target)))
+    for codec, design in following.designs:
+        writer.write(codec.topic.name, 0, codec.encode(design))

@@ -13,6 +13,7 @@ from typing import TypeVar, final
 
 from bags.codecs import NANOSECONDS_PER_SECOND, AlarmCodec
 from bags.columns import columns_of, decoded, records_of
+from bags.combined_topics import CombinedTopics, parts_among
 from bags.container import ChunkView, Container, open_container, readable
 from bags.errors import BagError
 from bags.origin import SCENARIO_ATTACHMENT
@@ -41,7 +42,8 @@ class Run:
         topics: DGUs, links and sampling period.
         steps: Complete steps: a last step of which messages are missing is left out.
         histories: Offline experiments, by DGU and number.
-        designs: What was designed for each link.
+        designs: What was designed for each link; for the own state of DGU j, as link j-j.
+        input_designs: What estimates the input of the source of each link.
         events: Attacks that started or stopped, in order of time.
         attachments: Documents in the bag by name.
         team: Designs and accusations of the team, None without.
@@ -52,6 +54,7 @@ class Run:
     steps: int
     histories: tuple[HistoryRecord, ...]
     designs: Mapping[Link, DesignRecord]
+    input_designs: Mapping[Link, DesignRecord]
     events: tuple[RelayEvent, ...]
     attachments: Mapping[str, bytes]
     team: TeamRecord | None
@@ -95,6 +98,7 @@ class Run:
                 **fields,
                 histories=self.histories,
                 designs=self.designs,
+                input_designs=self.input_designs,
                 events=self.events,
                 alarms=self._alarms(start, start + size),
                 attachments=self.attachments,
@@ -177,6 +181,7 @@ def open_run(path: Path) -> Run:
         steps=steps,
         histories=tuple(sorted(documents.histories, key=lambda one: (one.dgu, one.experiment))),
         designs={Link(one.source, one.monitor): one for one in documents.designs},
+        input_designs={Link(one.source, one.monitor): one for one in documents.input_designs},
         events=tuple(sorted((one for one in documents.events if one.step < steps), key=lambda one: one.step)),
         attachments=container.attachments,
         team=documents.team(topics),
@@ -226,7 +231,8 @@ def _topics_of(container: Container) -> RunTopics:
     if not simulated:  # a stream from outside: nobody knows what the DGUs sent
         dgus = sorted({end for link in links for end in (link.source, link.target)})
     team = any(type_name == "dcmg_msgs/msg/TeamEstimate" for type_name in types.values())
-    topics = run_topics(dgus, links, 1, team=team)
+    parts = parts_among(types)
+    topics = run_topics(dgus, links, 1, team=team, parts=parts)
     monitored = any(topics.residual(link).topic.name in types for link in links)
     residuals = [topics.residual(link).topic for link in topics.links] if monitored else []
     for topic in topics.per_step if simulated else [*topics.heard, *residuals]:
@@ -234,7 +240,7 @@ def _topics_of(container: Container) -> RunTopics:
             raise BagError(
                 f"{container.path}: {topic.name} is {types.get(topic.name, 'missing')}, expected {topic.type_name}"
             )
-    return run_topics(dgus, links, _sampling_period_ns(container, topics), team=team)
+    return run_topics(dgus, links, _sampling_period_ns(container, topics), team=team, parts=parts)
 
 
 def _sampling_period_ns(container: Container, topics: RunTopics) -> int:
@@ -265,6 +271,7 @@ class _Documents:
 
     histories: list[HistoryRecord] = field(default_factory=list)
     designs: list[DesignRecord] = field(default_factory=list)
+    input_designs: list[DesignRecord] = field(default_factory=list)
     events: list[RelayEvent] = field(default_factory=list)
     team_designs: list[DesignRecord] = field(default_factory=list)
     team_histories: list[HistoryRecord] = field(default_factory=list)
@@ -286,6 +293,8 @@ class _Documents:
         for link in topics.links:
             design = topics.design(link)
             found[design.topic.name] = _into(self.designs, design.decode)
+        if topics.combined is not None:
+            found |= self._combined(topics.combined)
         events = topics.attack_events()
         found[events.topic.name] = _into(self.events, events.decode)
         if topics.team is not None:
@@ -295,6 +304,13 @@ class _Documents:
                 design = topics.team.design(member)
                 found[design.topic.name] = _into(self.team_designs, design.decode)
         return found
+
+    def _combined(self, topics: CombinedTopics) -> dict[str, Callable[[bytes], None]]:
+        """The same for what only monitors have that draw one conclusion from several tests."""
+        own = [topics.design(monitor) for monitor in topics.monitors if topics.parts.local]
+        inputs = [topics.input_design(link) for link in topics.links if topics.parts.inputs]
+        found = {codec.topic.name: _into(self.designs, codec.decode) for codec in own}
+        return found | {codec.topic.name: _into(self.input_designs, codec.decode) for codec in inputs}
 
 
 def _into(records: list[_T], decode: Callable[[bytes], _T]) -> Callable[[bytes], None]:

@@ -1,21 +1,25 @@
 """Fresh monitors on a recorded run: the same received outputs, the same or other observers and detectors."""
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, final
+from typing import TYPE_CHECKING, TypeAlias, final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bags.alarm_events import in_order, link_alarms, local_alarms
+from bags.combined import Watch, design_combined, design_messages
+from bags.combined_arrays import CombinedFields
 from bags.convert import design_record, history_of
 from bags.errors import BagError
-from bags.monitors import MonitorArrays, RunMonitors, alarm_changes, design_monitors
+from bags.monitors import MonitorArrays, RunMonitors, design_monitors
 from bags.origin import MONITOR_ATTACHMENT, SCENARIO_ATTACHMENT
 from bags.reader import read_run
-from bags.records import AlarmRecord, DesignRecord
+from bags.records import DesignRecord
 from bags.replay_settings import check_overrides, replayed_scenario
 from bags.run_record import RunRecord
+from bags.schema import RunTopics, parts_of
+from bags.stream import Spoofed
 from bags.team_offline import TeamProgress, replayed_team, team_of_record
 from bags.yaml_text import dump
 from dgu_sim.grid import Link
@@ -25,6 +29,8 @@ from monitor.history import History
 
 if TYPE_CHECKING:
     from monitor.link_monitor import MonitorState
+
+_WatchWindow: TypeAlias = Callable[[RunRecord], tuple[MonitorArrays, CombinedFields | None]]
 
 
 def replay(run: RunRecord | Path, overrides: Sequence[str] = ()) -> RunRecord:
@@ -58,23 +64,32 @@ def replay_windows(windows: Iterable[RunRecord], overrides: Sequence[str] = ()) 
         Exception: As `replay`, with the first window.
     """
     prepared: _Prepared | None = None
-    states: Sequence[MonitorState] = ()
-    alarm = np.zeros(0, dtype=np.bool_)
+    alarm = own_alarm = np.zeros(0, dtype=np.bool_)
     for window in windows:
         if prepared is None:
             prepared = _prepare(window, overrides)
-            states, alarm = prepared.monitors.init(), np.zeros(len(window.links), dtype=np.bool_)
-        states, outputs = prepared.monitors.run(states, window.received, window.delivered)
+            alarm = np.zeros(len(window.links), dtype=np.bool_)
+            own_alarm = np.zeros(len(prepared.topics.monitors), dtype=np.bool_)
+        outputs, fields = prepared.watch(window)
+        alarms = link_alarms(outputs, alarm, window.first_step, window.links)
+        combined = None
+        if prepared.topics.combined is not None and fields is not None:
+            alarms += local_alarms(fields, own_alarm, window.first_step, prepared.topics.combined)
+            combined = fields.arrays(prepared.topics.combined)
+            own_alarm = fields.local["alarm"][-1] if fields.local and window.steps else own_alarm
         told, team = (None, None) if prepared.team is None else replayed_team(prepared.team, window)
         yield replace(
             window,
+            topics=prepared.topics,
             phase=outputs.phase,
             alarm=outputs.alarm,
             estimate=outputs.estimate,
             residual=outputs.residual,
             threshold=outputs.threshold,
             designs=prepared.designs,
-            alarms=_alarms(window, outputs, alarm),
+            input_designs=prepared.input_designs,
+            alarms=tuple(in_order(alarms)),
+            combined=combined,
             attachments=prepared.attachments,
             told=told,
             team=team,
@@ -85,10 +100,12 @@ def replay_windows(windows: Iterable[RunRecord], overrides: Sequence[str] = ()) 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Prepared:
-    """What a replay designs before its first step."""
+    """What a replay designs before its first step; `watch` takes the windows in order."""
 
-    monitors: RunMonitors
+    topics: RunTopics
+    watch: _WatchWindow
     designs: Mapping[Link, DesignRecord]
+    input_designs: Mapping[Link, DesignRecord]
     attachments: Mapping[str, bytes]
     team: TeamProgress | None
 
@@ -96,14 +113,57 @@ class _Prepared:
 def _prepare(record: RunRecord, overrides: Sequence[str]) -> _Prepared:
     check_overrides(overrides)
     settings, scenario, attachment = _settings(record, overrides)
-    monitors = design_monitors(record.topics, settings, histories_of(record))
-    designs = {
-        link: design_record(design, link.source, link.target)
-        for link, design in zip(record.links, monitors.designs, strict=True)
-    }
-    attachments = {**record.attachments, **attachment}
-    team = None if scenario is None else team_of_record(scenario, record)
-    return _Prepared(monitors=monitors, designs=designs, attachments=attachments, team=team)
+    topics = replace(record.topics, parts=parts_of(settings))
+    histories = histories_of(record)
+    if topics.combined is None:
+        monitors = design_monitors(topics, settings, histories)
+        watch: _WatchWindow = _links(monitors)
+        records = [
+            design_record(design, link.source, link.target)
+            for link, design in zip(record.links, monitors.designs, strict=True)
+        ]
+        estimators = 0
+    else:
+        designs = design_combined(topics, settings, histories)
+        watch = _combined(Watch(topics=topics, designs=designs))
+        records = [design for _, design in design_messages(topics, designs)]
+        estimators = len(record.links) if topics.combined.parts.inputs else 0
+    return _Prepared(
+        topics=topics,
+        watch=watch,
+        designs=_by_link(records[: len(records) - estimators]),
+        input_designs=_by_link(records[len(records) - estimators :]),
+        attachments={**record.attachments, **attachment},
+        team=None if scenario is None else team_of_record(scenario, record),
+    )
+
+
+def _links(monitors: RunMonitors) -> Callable[[RunRecord], tuple[MonitorArrays, None]]:
+    """Monitors that look at one link each."""
+    states: Sequence[MonitorState] = monitors.init()
+
+    def watch(window: RunRecord) -> tuple[MonitorArrays, None]:
+        nonlocal states
+        states, outputs = monitors.run(states, window.received, window.delivered)
+        return outputs, None
+
+    return watch
+
+
+def _combined(monitors: Watch) -> Callable[[RunRecord], tuple[MonitorArrays, CombinedFields]]:
+    """Monitors that draw one conclusion from several tests; what was recorded does not change by it."""
+    spoofed = Spoofed(monitors.topics.links)
+
+    def watch(window: RunRecord) -> tuple[MonitorArrays, CombinedFields]:
+        lying = spoofed.rows(window.streams, window.first_step, window.steps)
+        monitors.follow(window.y, window.reference, window.received, window.delivered, lying)
+        return monitors.take()
+
+    return watch
+
+
+def _by_link(designs: Sequence[DesignRecord]) -> dict[Link, DesignRecord]:
+    return {Link(one.source, one.monitor): one for one in designs}
 
 
 def _settings(record: RunRecord, overrides: Sequence[str]) -> tuple[MonitorSettings, Scenario | None, dict[str, bytes]]:
@@ -133,17 +193,3 @@ def histories_of(record: RunRecord) -> dict[int, History]:
             raise BagError(f"{record.path}: {len(experiments)} experiments of DGU {dgu}, expected {announced}")
         found[dgu] = history_of(experiments)
     return found
-
-
-def _alarms(window: RunRecord, outputs: MonitorArrays, before: NDArray[np.bool_]) -> tuple[AlarmRecord, ...]:
-    return tuple(
-        AlarmRecord(
-            step=window.first_step + row,
-            source=window.links[position].source,
-            monitor=window.links[position].target,
-            active=bool(outputs.alarm[row, position]),
-            residual=tuple(outputs.residual[row, position].tolist()),
-            threshold=tuple(outputs.threshold[row, position].tolist()),
-        )
-        for row, position in alarm_changes(outputs.alarm, before, window.links)
-    )

@@ -1,13 +1,14 @@
 """Consecutive steps of a recorded run in memory: all of them, or a window."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bags.combined_arrays import CombinedArrays
 from bags.origin import SCENARIO_ATTACHMENT
 from bags.records import AlarmRecord, DesignRecord, HistoryRecord, SecondRecord, StreamRecord
 from bags.schema import RunTopics
@@ -39,7 +40,7 @@ class RunRecord:
         residual: Residuals, shape (steps, links, 3) [V, A, V s]; NaN where there is none.
         threshold: Thresholds, shape (steps, links, 3) [V, A, V s]; NaN before they are set.
         histories: Offline experiments, by DGU and number.
-        designs: What was designed for each link.
+        designs: What was designed for each link; for the own state of DGU j, as link j-j.
         events: Attacks that started or stopped anywhere in the run, in order of time.
         alarms: Alarms that started or ended at these steps, in order of time.
         attachments: Documents in the bag by name.
@@ -47,6 +48,8 @@ class RunRecord:
         team: Designs and accusations of the team, None without.
         streams: Faults of the streams of messages that appeared or ended at these steps, in order of time.
         seconds: Messages of second publishers of these steps, in the order of the bag.
+        combined: What monitors that draw one conclusion from several tests said besides; None: they do not.
+        input_designs: What estimates the input of the source of each link; empty without plausibility tests.
     """
 
     path: Path
@@ -74,6 +77,8 @@ class RunRecord:
     team: TeamRecord | None = None
     streams: tuple[StreamRecord, ...] = ()
     seconds: tuple[SecondRecord, ...] = ()
+    combined: CombinedArrays | None = None
+    input_designs: Mapping[Link, DesignRecord] = field(default_factory=dict)
 
     @property
     def links(self) -> tuple[Link, ...]:

@@ -12,11 +12,14 @@ from typing import final
 
 from bags.cdr import Layout, layout_of
 from bags.codecs import AlarmCodec, ClockCodec, OutputCodec, ResidualCodec, StateCodec, TickCodec
+from bags.combined_topics import CombinedTopics, Parts
 from bags.documents import AttackEventCodec, DesignCodec, DiagnosticsCodec, HistoryCodec
 from bags.stream import StreamCodec
 from bags.team_topics import TeamTopics
 from bags.topic import Topic, TopicKind
 from dgu_sim.grid import Link
+from dgu_sim.scenario import Scenario
+from dgu_sim.settings import MonitorSettings
 
 CLOCK_NODE = "clock"
 ATTACKER_NODE = "attacker"
@@ -43,6 +46,7 @@ class RunTopics:
         links: Directed communication links, ordered by (target, source).
         sampling_period_ns: T_s [ns].
         has_team: Whether the monitors estimate the whole grid together.
+        parts: What the monitors tell besides their residuals; None: nothing.
     """
 
     dgus: tuple[int, ...]
@@ -56,6 +60,17 @@ class RunTopics:
         if not self.has_team:
             return None
         return TeamTopics(dgus=self.dgus, links=self.links, sampling_period_ns=self.sampling_period_ns)
+
+    parts: Parts | None = None
+
+    @cached_property
+    def combined(self) -> CombinedTopics | None:
+        """The topics of monitors that draw one conclusion from several tests, if they do."""
+        if self.parts is None:
+            return None
+        return CombinedTopics(
+            links=self.links, monitors=self.monitors, sampling_period_ns=self.sampling_period_ns, parts=self.parts
+        )
 
     @property
     def monitors(self) -> tuple[int, ...]:
@@ -73,6 +88,8 @@ class RunTopics:
         events += [self.stream(dgu).topic for dgu in self.monitors]
         events += [self.attack_events().topic, self._diagnostics_topic()]
         latched = [self.history(dgu).topic for dgu in self.dgus] + [self.design(link).topic for link in self.links]
+        if self.combined is not None:
+            latched += self.combined.latched
         if self.team is not None:
             events, latched = [*events, *self.team.events], [*latched, *self.team.latched]
         return (*self.per_step, *events, *latched)
@@ -85,8 +102,10 @@ class RunTopics:
             self.tick().topic,
             *(self.state(dgu).topic for dgu in self.dgus),
             *(self.output(dgu).topic for dgu in self.dgus),
+            *(() if self.combined is None else self.combined.sent),
             *(self.received(link).topic for link in self.links),
             *(self.residual(link).topic for link in self.links),
+            *(() if self.combined is None else self.combined.concluded),
             *(() if self.team is None else self.team.per_step),
         )
 
@@ -211,14 +230,34 @@ class RunTopics:
         )
 
 
-def run_topics(dgus: Sequence[int], links: Sequence[Link], sampling_period_ns: int, *, team: bool = False) -> RunTopics:
+def run_topics(
+    dgus: Sequence[int],
+    links: Sequence[Link],
+    sampling_period_ns: int,
+    *,
+    team: bool = False,
+    parts: Parts | None = None,
+) -> RunTopics:
     """The topics of a run; DGUs and links are put into canonical order."""
     return RunTopics(
         dgus=tuple(sorted(dgus)),
         links=tuple(sorted(links, key=lambda link: (link.target, link.source))),
         sampling_period_ns=sampling_period_ns,
         has_team=team,
+        parts=parts,
     )
+
+
+def topics_of(scenario: Scenario) -> RunTopics:
+    """The topics of a scenario's run."""
+    team, parts = scenario.monitor.team is not None, parts_of(scenario.monitor)
+    return run_topics(scenario.grid.dgus, scenario.links, scenario.sampling_period_ns, team=team, parts=parts)
+
+
+def parts_of(settings: MonitorSettings) -> Parts | None:
+    """What monitors tell besides their residuals; None: nothing."""
+    parts = Parts(local=settings.local is not None, inputs=settings.plausibility is not None)
+    return parts if settings.combined else None
 
 
 def _fixed(

@@ -1,7 +1,7 @@
 """Faults of the streams into a DGU: their codec, and where a run's messages show one."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import final
 
 import numpy as np
@@ -55,6 +55,35 @@ class StreamCodec:
             active=message.active,
             detail=message.detail,
         )
+
+
+def lies(faults: Faults) -> bool:
+    """Whether faults say that somebody else speaks on a link: one that only loses samples does not lie."""
+    return any(fault is not StreamFault.MISSING for fault in faults)
+
+
+@final
+@dataclass(slots=True)
+class Spoofed:
+    """The links whose streams lie at each row of a recorded run, window by window."""
+
+    links: Sequence[Link]
+    _active: set[tuple[int, str]] = field(default_factory=set)
+
+    def rows(self, records: Sequence[StreamRecord], first_step: int, steps: int) -> dict[int, list[int]]:
+        """Positions of such links by row; `records` of these steps in order of time."""
+        changes: dict[int, list[StreamRecord]] = {}
+        for one in records:
+            if one.kind != StreamFault.MISSING:
+                changes.setdefault(one.step - first_step, []).append(one)
+        found: dict[int, list[int]] = {}
+        for row in range(steps) if changes or self._active else ():
+            for one in changes.get(row, ()):
+                entry = (self.links.index(Link(one.source, one.monitor)), one.kind)
+                (self._active.add if one.active else self._active.discard)(entry)
+            if self._active:
+                found[row] = sorted({position for position, _ in self._active})
+        return found
 
 
 def arrival_of(codec: OutputCodec, data: bytes, *, known: bool) -> Arrival:

@@ -1,10 +1,11 @@
 """What one DGU and its surroundings tell each other in one step."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 from dgu_sim.linear import Component, Truth, Vector
 
-__all__ = ["Physical", "Sample"]
+__all__ = ["Physical", "Sample", "heard"]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -33,3 +34,8 @@ class Physical:
     x: Vector
     load_current: Component
     reference: Component
+
+
+def heard(received: Sequence[Sample], dropped: Sequence[Truth]) -> list[Sample]:
+    """Return what secondary control hears of one step: a sample that is left out counts as not delivered."""
+    return [replace(sample, delivered=False) if out else sample for sample, out in zip(received, dropped, strict=True)]

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 __all__ = ["check_parts", "check_stability"]
 
+MOST_NEIGHBOURS = 64
+"""Bits of the masks in a Verdict message."""
 LINE_TIME_SHARE = 0.1
 """Lines count as quasi-stationary when L/R is at most this share of T_s; G's reach 0.6 %."""
 
@@ -30,6 +32,7 @@ def check_parts(scenario: "Scenario") -> None:
         if poison.dgu not in [dgu.id for dgu in scenario.dgus]:
             known = _listed([dgu.id for dgu in scenario.dgus])
             raise finding(("poison", index, "dgu"), poison.dgu, f"expected one of the DGUs {known}")
+    _check_combined(scenario)
     if scenario.coupling is Coupling.ISOLATED and scenario.history.plant is HistoryPlant.JOINT:
         raise finding(("history", "plant"), "joint", "expected own: with coupling isolated there is no joint grid")
 
@@ -87,13 +90,25 @@ def _check_lines(scenario: "Scenario") -> None:
 
 def _check_attacks(scenario: "Scenario") -> None:
     links = {Link(a, b) for line in scenario.lines for a, b in (line.between, line.between[::-1])}
-    ready = scenario.monitor.detector.calibrated_sec
+    ready = scenario.monitor.calibrated_sec
     for index, attack in enumerate(scenario.attacks):
         key = ("attacks", index)
         _check_links(scenario, attack, key, links)
         if attack.start_sec < ready:
-            expected = f"expected at least {ready:g}: until then the detector calibrates on attack-free samples"
+            expected = f"expected at least {ready:g}: until then the detectors calibrate on attack-free samples"
             raise finding((*key, "start_sec"), attack.start_sec, expected)
+
+
+def _check_combined(scenario: "Scenario") -> None:
+    """Check what monitors that draw one conclusion from several tests need."""
+    if scenario.monitor.response is not None and not scenario.secondary.enabled:
+        expected = "expected none: secondary control is off, there is nothing to leave a link out of"
+        raise finding(("monitor", "response"), scenario.monitor.response.model_dump(), expected)
+    grid = scenario.grid
+    for dgu in grid.dgus if scenario.monitor.combined else ():
+        if len(grid.neighbours(dgu)) > MOST_NEIGHBOURS:
+            expected = f"expected none: a verdict has bits for {MOST_NEIGHBOURS} neighbours"
+            raise finding(("monitor",), f"local, plausibility or response at DGU {dgu}", expected)
 
 
 def _check_links(scenario: "Scenario", attack: AttackSettings, key: tuple[str | int, ...], links: set[Link]) -> None:

@@ -15,11 +15,17 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from dgu_sim.attacks import KINDS, Attack
-from dgu_sim.detector_defaults import attack_free_sec, filled_in
 from dgu_sim.explain import explain
 from dgu_sim.grid import Link
 from dgu_sim.loads import Load
 from dgu_sim.model import Frozen, Number, Spread3, Vector3, check_keys, finding
+from dgu_sim.monitor_settings import (
+    DetectorSettings,
+    LocalSettings,
+    ObserverSettings,
+    PlausibilitySettings,
+    ResponseSettings,
+)
 from dgu_sim.parameters import DguParameters
 from dgu_sim.relay import AttackPlan
 from dgu_sim.team_settings import TeamSettings
@@ -208,41 +214,8 @@ class HistorySettings(Frozen):
     )
 
 
-class ObserverSettings(Frozen):
-    """How a monitor designs its observer; checked by the monitor."""
-
-    kind: str = Field(default="full_order", description="Name of the design method.")
-    options: dict[str, object] = Field(default_factory=dict, description="Options of the design method.")
-
-
-_EITHER = ("link", "links")
-
-
-class DetectorSettings(Frozen):
-    """How a monitor turns residuals into alarms; checked by the monitor."""
-
-    kind: str = Field(default="fixed", description="Name of the detector.")
-    options: dict[str, object] = Field(
-        default_factory=dict,
-        description="Options of the detector: docs/scenario.md lists them for each kind.",
-    )
-
-    @model_validator(mode="before")
-    @classmethod
-    def _fill_in(cls, data: object) -> object:
-        """Make the detector's defaults explicit: the resolved scenario says everything a run used."""
-        if isinstance(data, dict) and isinstance(data.get("options", {}), dict):
-            return {**data, "options": filled_in(data.get("kind", "fixed"), data.get("options", {}))}
-        return data
-
-    @property
-    def calibrated_sec(self) -> float:
-        """Time at which an attack may start [s]: settling and calibration have ended."""
-        return attack_free_sec(self.options)
-
-
 class MonitorSettings(Frozen):
-    """What every DGU runs on each of its incoming links."""
+    """What every DGU runs on each of its incoming links, and on all of them together."""
 
     observer: ObserverSettings = Field(default_factory=ObserverSettings, description="The observer.")
     detector: DetectorSettings = Field(
@@ -251,6 +224,27 @@ class MonitorSettings(Frozen):
     team: TeamSettings | None = Field(
         default=None, description="Monitors that estimate the whole grid together; none: each watches its links alone."
     )
+    local: LocalSettings | None = Field(default=None, description="The module of the own state; default: none.")
+    plausibility: PlausibilitySettings | None = Field(
+        default=None, description="The test of the reconstructed input of each neighbour; default: none."
+    )
+    response: ResponseSettings | None = Field(
+        default=None, description="What a DGU does about an accused link; default: nothing."
+    )
+
+    @property
+    def combined(self) -> bool:
+        """Whether a DGU's monitor draws one conclusion from several tests, or acts on one."""
+        return not (self.local is None and self.plausibility is None and self.response is None)
+
+    @property
+    def calibrated_sec(self) -> float:
+        """Time at which an attack may start [s]: nothing learns from attack-free samples any more."""
+        parts = [self.detector, self.local, self.plausibility]
+        return max(part.calibrated_sec for part in parts if part is not None)
+
+
+_EITHER = ("link", "links")
 
 
 class AttackSettings(Frozen):

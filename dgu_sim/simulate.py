@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +16,7 @@ from dgu_sim.scenario import Scenario
 from dgu_sim.settings import Accept
 from dgu_sim.unit import cell_of_all
 
-__all__ = ["Block", "Doubled", "RunEvent", "relay_of", "simulate"]
+__all__ = ["Block", "Doubled", "Respond", "RunEvent", "relay_of", "simulate"]
 
 BLOCK_STEPS = 1000
 _WIDTH = 3  # components of an output
@@ -79,6 +80,29 @@ class Block:
     doubled: tuple[Doubled, ...] = ()
 
 
+class Respond(Protocol):
+    """What the DGUs' monitors make of one step of all runs; called once a step, in order."""
+
+    def __call__(
+        self,
+        sent: FloatArray,
+        reference: FloatArray,
+        received: FloatArray,
+        delivered: NDArray[np.bool_],
+        spoofed: Sequence[int] = (),
+    ) -> NDArray[np.bool_]:
+        """Return the links that secondary control leaves out at this step, shape (runs, links).
+
+        Args:
+            sent: y as measured and sent, shape (3, runs, DGUs).
+            reference: V_ref + alpha, shape (runs, DGUs) [V].
+            received: y^c as taken, shape (3, runs, links).
+            delivered: Shape (runs, links).
+            spoofed: Positions of the links on which a second publisher spoke.
+        """
+        ...
+
+
 def relay_of(
     scenario: Scenario,
     seeds: tuple[int, ...] | None = None,
@@ -109,6 +133,7 @@ def simulate(
     seeds: Sequence[int] | None = None,
     block_steps: int = BLOCK_STEPS,
     recorded: Mapping[int, Sequence[FloatArray]] | None = None,
+    respond: Respond | None = None,
 ) -> Iterator[Block]:
     """Run a scenario from step 0 to its end.
 
@@ -117,6 +142,7 @@ def simulate(
         seeds: One run for each seed; None: one run with the scenario's own.
         block_steps: Steps in a block; the last one may be shorter.
         recorded: As for `relay_of`.
+        respond: What the monitors tell secondary control; None: nothing.
 
     Yields:
         Blocks in order of time. How runs and steps are grouped changes no bit of them.
@@ -138,9 +164,14 @@ def simulate(
             sent[:] = output.y
             relay_state, occurred = wiring.relay(relay, relay_state, sent, received, delivered)
             events += occurred
+            spoofed: tuple[int, ...] = ()
             if relay_state.spoofed:
                 doubled += wiring.spoof(first + row, relay_state, received, delivered)
-            state = cell.step(state, wiring.physical(truth), wiring.received(received, delivered))
+                spoofed = tuple(position for position, _ in relay_state.spoofed)
+            heard = delivered
+            if respond is not None:
+                heard = delivered & ~respond(sent, truth[4], received, delivered, spoofed)
+            state = cell.step(state, wiring.physical(truth), wiring.received(received, heard))
         told = tuple(RunEvent(run=run, event=one) for one in events for run in range(len(runs)))
         yield buffer.block(first, told, tuple(doubled))
 

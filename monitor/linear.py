@@ -88,3 +88,8 @@ def is_missing(component: Component) -> Flag:
 def is_finite(component: Component) -> Flag:
     """Tell whether a component is a number that can be computed with."""
     return (component > -inf) & (component < inf)
+
+
+def negated(flag: Flag) -> Flag:
+    """Turn a condition into its opposite."""
+    return np.logical_not(flag) if isinstance(flag, np.ndarray) else not flag

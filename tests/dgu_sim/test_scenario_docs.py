@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
-from dgu_sim import loads, noise, poison, settings, team_settings
+from dgu_sim import loads, monitor_settings, noise, poison, settings, team_settings
 from dgu_sim.attacks import KINDS
 from dgu_sim.detector_defaults import DETECTORS, filled_in
 from dgu_sim.errors import ScenarioError
@@ -41,6 +41,11 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "monitor.detector": settings.DetectorSettings,
     "monitor.team": team_settings.TeamSettings,
     "monitor.team.events": team_settings.TeamEventSettings,
+    "monitor.local": monitor_settings.LocalSettings,
+    "monitor.plausibility": monitor_settings.PlausibilitySettings,
+    "monitor.plausibility.estimator": monitor_settings.EstimatorSettings,
+    "monitor.plausibility.limits": monitor_settings.LimitSettings,
+    "monitor.response": monitor_settings.ResponseSettings,
     "attacks": settings.AttackSettings,
     **{f"Attack: {kind}": attack for kind, attack in KINDS.items()},
 }
@@ -64,7 +69,7 @@ def _default(model: type[BaseModel], key: str) -> str:
     if field.is_required():
         return "required"
     if field.default_factory is not None:
-        return "`{}`" if (model, key) == (settings.ObserverSettings, "options") else "see below"
+        return "`{}`" if key == "options" and model is not settings.DetectorSettings else "see below"
     if field.default is None:
         return "none"
     if isinstance(field.default, str):
@@ -109,7 +114,7 @@ def test_every_model_of_a_scenario_has_a_section() -> None:
     """A new load, noise or section cannot be forgotten."""
     found = {
         value
-        for module in (loads, noise, settings, team_settings, poison)
+        for module in (loads, monitor_settings, noise, settings, team_settings, poison)
         for value in vars(module).values()
         if isinstance(value, type) and issubclass(value, BaseModel) and value.__module__ == module.__name__
     }

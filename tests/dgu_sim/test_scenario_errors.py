@@ -43,8 +43,13 @@ WRONG_VALUES = [
     ("attacks.0.bias=[1, 2]", "attacks.0.bias = [1, 2]: expected 3 numbers: V [V], I_t [A], v [V s]"),
     ("attacks.0.bais=[1, 2, 3]", "attacks.0.bais = [1, 2, 3]: no such key: did you mean bias?"),
     ("attacks.0.kind=bais", "attacks.0.kind = 'bais': expected an attack class, one of bias"),
-    ("attacks.0.start_sec=2.4", "attacks.0.start_sec = 2.4: expected at least 2.5: until then the detector calibrates"),
+    ("attacks.0.start_sec=2.4", "attacks.0.start_sec = 2.4: expected at least 2.5: until then the detectors calibrate"),
     ("attacks.0.stop_sec=5", "attacks.0.stop_sec = 5.0: expected a time after start_sec = 5"),
+    (
+        "monitor.plausibility={limits: {range: [1.0, -0.1]}}",
+        "monitor.plausibility.limits.range = [1.0, -0.1]: expected two numbers that are not negative",
+    ),
+    ("monitor.response={quiet: 3}", "monitor.response.quiet = 3: no such key: did you mean quiet_sec?"),
     ("secondary=5", "secondary = 5: expected a mapping of keys to values"),
     ("dgus=[]", "dgus = []: expected at least 1 entries"),
 ]

@@ -122,10 +122,7 @@ def _follow(wiring: Wiring, group: ProcessGroup, bag: Path, display: Display) ->
     def on_alarm(topic: str, alarm: Alarm) -> None:
         if alarm.active:
             seconds = alarm.header.stamp.sec + alarm.header.stamp.nanosec * 1e-9
-            what = f"alarm on link {alarm.source}-{alarm.monitor}"
-            if topic in accusations:
-                what = f"member {alarm.monitor} of the team accuses member {alarm.source}"
-            display.alarm(f"t = {seconds:7.2f} s  {what}")
+            display.alarm(f"t = {seconds:7.2f} s  {_in_words(alarm, by_team=topic in accusations)}")
 
     alarms = [topic.name for topic in wiring.topics.all if topic.type_name == "dcmg_msgs/msg/Alarm"]
     view = ViewNode(alarms, on_alarm)
@@ -161,6 +158,13 @@ def _follow(wiring: Wiring, group: ProcessGroup, bag: Path, display: Display) ->
         failure=failure,
         interrupted=interrupted,
     )
+
+
+def _in_words(alarm: Alarm, *, by_team: bool) -> str:
+    if by_team:
+        return f"member {alarm.monitor} of the team accuses member {alarm.source}"
+    own = alarm.source == alarm.monitor
+    return f"alarm in the own state of DGU {alarm.monitor}" if own else f"alarm on link {alarm.source}-{alarm.monitor}"
 
 
 def _recorded_steps(bag: Path, wiring: Wiring) -> int:

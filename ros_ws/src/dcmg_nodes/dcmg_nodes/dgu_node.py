@@ -14,7 +14,8 @@ from dcmg_nodes.intake import Intake, taken
 from dcmg_nodes.ports import Ports
 from dcmg_nodes.second_publisher import SecondPublisherReaders
 from dgu_sim.grid import Link
-from dgu_sim.records import Sample
+from dgu_sim.records import Sample, heard
+from monitor.combined import Own
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -40,7 +41,7 @@ class DguConfig:
 
 
 class DguNode:
-    """Fires step k on tick k, the physical states of k-1 and the received outputs of k-1."""
+    """Fires step k on tick k and, of k-1, physical states, received outputs and the verdict, if it responds to one."""
 
     def __init__(
         self, wiring: Wiring, host: Host, unit: Unit, history: Sequence[HistoryRecord], config: DguConfig
@@ -57,6 +58,12 @@ class DguNode:
         self._received = [topics.received(link) for link in links]
         inputs = [topics.tick().topic, *(codec.topic for codec in self._physical)]
         names = [topic.name for topic in inputs] + [codec.topic.name for codec in self._received]
+        combined = topics.combined if links else None
+        self._own = combined.own(unit.dgu) if combined is not None and combined.parts.local else None
+        self._verdict = combined.verdict(unit.dgu) if combined is not None and wiring.responds else None
+        if self._verdict is not None:
+            names.append(self._verdict.topic.name)
+            self.ports.subscribe(self._verdict.topic, partial(self._receive, len(names) - 1))
         self._inbox: Inbox[bytes] = Inbox(names, primed=frozenset(names[1:]))
         for slot, topic in enumerate(inputs):
             self.ports.subscribe(topic, partial(self._receive, slot))
@@ -88,11 +95,16 @@ class DguNode:
             _tick, *inputs = tokens
             states, samples = inputs[: len(self._physical)], inputs[len(self._physical) :]
             physical = [codec.decode(data)[1] for codec, data in zip(self._physical, states, strict=True) if data]
-            received = [codec.decode(data)[1] for codec, data in zip(self._received, samples, strict=True) if data]
+            received = [codec.decode(data)[1] for codec, data in zip(self._received, samples, strict=False) if data]
+            if self._verdict is not None and samples[-1] is not None:
+                received = heard(received, self._verdict.decode(samples[-1])[1].dropped)
             self._state = self._unit.step(self._state, physical, received)
         output = self._unit.output(self._state)
         self.ports.publish(self._state_codec.topic.name, self._state_codec.encode(self._step, output))
         self.ports.publish(self._output_codec.topic.name, self._output_codec.encode(self._step, Sample(y=output.y)))
+        if self._own is not None:
+            own = Own(tuple(output.y), output.reference)
+            self.ports.publish(self._own.topic.name, self._own.encode(self._step, own))
         if self.announcer is not None:
             self.announcer.announce(self._step, output)
         self._step += 1

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 
+from bags.combined import plan_of
 from bags.histories import grid_history_of_run, histories_of_run, recorded_states
 from bags.origin import attach_origin, host_facts
 from bags.schema import ATTACKER_NODE, CLOCK_NODE, dgu_name, monitor_name
@@ -130,6 +131,7 @@ class _Builder:
             sampling_period_sec=self._scenario.sampling_period_sec,
             steps=self._scenario.steps,
             newest=self._scenario.receiver.accept is Accept.NEWEST,
+            combined=plan_of(self._scenario.monitor, self._scenario.sampling_period_sec),
         )
         return MonitorNode(self._wiring, self._host, dgu, config).ports
 

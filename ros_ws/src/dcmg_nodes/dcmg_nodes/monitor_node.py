@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from bags.convert import design_record, history_of
 from bags.schema import monitor_name
 from bags.stream import claimed_step
+from dcmg_nodes.combined_side import CombinedSide
 from dcmg_nodes.inbox import Inbox
 from dcmg_nodes.intake import Intake, taken
 from dcmg_nodes.ports import Ports
@@ -16,6 +17,7 @@ from dcmg_nodes.second_publisher import SecondPublisherReaders
 from dcmg_nodes.stream_watch import StreamWatch
 from dcmg_nodes.team_side import TeamSide
 from monitor import detectors, observers
+from monitor.combined import Received
 from monitor.link_monitor import LinkMonitor
 
 if TYPE_CHECKING:
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
     from dcmg_nodes.host import Host
     from dcmg_nodes.intake import Others
     from dcmg_nodes.wiring import Wiring
+    from monitor.combined import CombinedPlan
     from monitor.link_monitor import MonitorOutput, MonitorState
 
 
@@ -38,6 +41,7 @@ class MonitorConfig:
         sampling_period_sec: T_s [s].
         steps: number of steps of the run.
         newest: whether the newest of two messages of one step counts, or that of the known publisher.
+        combined: what to run when the monitor draws one conclusion from several tests.
     """
 
     observer: tuple[str, Mapping[str, object]]
@@ -45,6 +49,7 @@ class MonitorConfig:
     sampling_period_sec: float
     steps: int
     newest: bool
+    combined: CombinedPlan
 
 
 class MonitorNode:
@@ -65,20 +70,32 @@ class MonitorNode:
         self._experiments: list[list[HistoryRecord]] = [[] for _ in links]
         self._monitors: dict[int, LinkMonitor] = {}
         self._states: dict[int, MonitorState] = {}
-        self._alarms = [False] * len(links)
+        self._alarms = [False] * (len(links) + 1)
         self._step = 0
-        self._inbox: Inbox[tuple[bytes, Others | None]] = Inbox([codec.topic.name for codec in self._received])
+        self._combined: CombinedSide | None = None
+        names = [codec.topic.name for codec in self._received]
+        if topics.combined is not None:
+            self._combined = CombinedSide(self.ports, topics, dgu, config.combined, self._alarm)
+            if self._combined.own is not None:
+                names.append(self._combined.own.topic.name)
+                self.ports.subscribe(self._combined.own.topic, lambda data: self._receive(len(links), data, None))
+        self._inbox: Inbox[tuple[bytes, Others | None]] = Inbox(names)
         expect = {}
         for slot, (link, codec) in enumerate(zip(links, self._received, strict=True)):
             intake = Intake(partial(claimed_step, codec), partial(self._receive, slot))
             self.ports.subscribe(codec.topic, intake.push, intake.push_other)
             expect[link] = intake.expect
-            self.ports.subscribe(self._histories[slot].topic, partial(self._receive_history, slot))
+            if self._combined is None:
+                self.ports.subscribe(self._histories[slot].topic, partial(self._receive_history, slot))
         self._seconds = SecondPublisherReaders(self.ports, links, expect)
         self._team: TeamSide | None = None
         if topics.team is not None and wiring.plan is not None:
             self._team = TeamSide(self.ports, topics.output(dgu), topics.team, wiring.plan, self._finish_when_done)
-        self.ports.ready_when(lambda: len(self._monitors) == len(links) and (not self._team or self._team.ready))
+        self.ports.ready_when(self._prepared)
+
+    def _prepared(self) -> bool:
+        designed = len(self._monitors) == len(self._received) if self._combined is None else self._combined.ready
+        return designed and (not self._team or self._team.ready)
 
     def _receive_history(self, slot: int, data: bytes) -> None:
         experiments = self._experiments[slot]
@@ -108,10 +125,18 @@ class MonitorNode:
             tokens = self._inbox.take()
 
     def _fire(self, tokens: Sequence[tuple[bytes, Others | None]]) -> None:
-        for slot, (own, others) in enumerate(tokens):
+        arrived = tokens[: len(self._received)]
+        for slot, (own, others) in enumerate(arrived):
             self._guard(slot, own, others)
-        received = [taken(own, others, newest=self._config.newest) for own, others in tokens]
-        outputs = [self._watch(slot, data) for slot, data in enumerate(received)]
+        received = [taken(own, others, newest=self._config.newest) for own, others in arrived]
+        outputs: Sequence[MonitorOutput]
+        if self._combined is None:
+            outputs = [self._watch(slot, data) for slot, data in enumerate(received)]
+        else:
+            decoded = [codec.decode(data)[1] for codec, data in zip(self._received, received, strict=True)]
+            samples = [Received(tuple(sample.y), sample.delivered) for sample in decoded]
+            own_sample = None if self._combined.own is None else tokens[-1][0]
+            outputs = self._combined.step(self._step, samples, own_sample, self._streams.faults)
         if self._diagnostics.due(self._step):
             health = self._diagnostics.encode(self._step, outputs, self._streams.faults)
             self.ports.publish(self._diagnostics.topic.name, health)
@@ -135,9 +160,12 @@ class MonitorNode:
         y = tuple(sample.y)
         self._states[slot], output = self._monitors[slot].step(self._states[slot], y, sample.delivered)
         codec = self._residuals[slot]
-        if output.alarm != self._alarms[slot]:
-            self._alarms[slot] = bool(output.alarm)
-            alarm = self._alarm_codec.encode(self._step, codec.source, output)
-            self.ports.publish(self._alarm_codec.topic.name, alarm)
+        self._alarm(slot, codec.source, output)
         self.ports.publish(codec.topic.name, codec.encode(self._step, output))
         return output
+
+    def _alarm(self, slot: int, source: int, output: MonitorOutput) -> None:
+        if output.alarm != self._alarms[slot]:
+            self._alarms[slot] = bool(output.alarm)
+            alarm = self._alarm_codec.encode(self._step, source, output)
+            self.ports.publish(self._alarm_codec.topic.name, alarm)

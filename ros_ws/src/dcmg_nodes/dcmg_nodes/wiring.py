@@ -6,13 +6,14 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from bags.schema import ATTACKER_NODE, CLOCK_NODE, dgu_name, monitor_name, run_topics
+from bags.schema import ATTACKER_NODE, CLOCK_NODE, dgu_name, monitor_name, topics_of
 from bags.team import plan_of
 from dgu_sim.unit import unit_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
+    from bags.combined_topics import CombinedTopics
     from bags.schema import RunTopics
     from bags.team_topics import TeamTopics
     from bags.topic import Topic
@@ -32,11 +33,13 @@ class Wiring:
         topics: all recorded topics, in canonical order.
         physical: for each DGU the DGUs whose state message it needs.
         plan: the team of monitors, if there is one.
+        responds: whether each DGU waits for what its monitor concludes.
     """
 
     topics: RunTopics
     physical: Mapping[int, Sequence[int]]
     plan: TeamPlan | None = None
+    responds: bool = False
 
     @property
     def nodes(self) -> tuple[str, ...]:
@@ -74,18 +77,34 @@ class Wiring:
             readers[topics.received(link).topic.name] = (dgu_name(link.target), monitor_name(link.target))
         if topics.team is not None and self.plan is not None:
             readers |= _team_readers(topics, topics.team, self.plan)
+        if topics.combined is not None:
+            readers |= self._combined_consumers(topics.combined, readers)
         return readers
+
+    def _combined_consumers(
+        self, topics: CombinedTopics, readers: Mapping[str, tuple[str, ...]]
+    ) -> dict[str, tuple[str, ...]]:
+        """Who reads what the parts of a monitor that draws one conclusion need, and its verdict."""
+        found: dict[str, tuple[str, ...]] = {}
+        for dgu in topics.monitors:
+            if topics.parts.local:
+                history = self.topics.history(dgu).topic.name
+                found[topics.own(dgu).topic.name] = (monitor_name(dgu),)
+                found[history] = (*readers[history], monitor_name(dgu))
+            if self.responds:
+                found[topics.verdict(dgu).topic.name] = (dgu_name(dgu),)
+        return found
 
 
 def wiring_of(scenario: Scenario) -> Wiring:
     """Return the static graph of a scenario's run."""
     dgus = tuple(dgu.id for dgu in scenario.dgus)
-    team = scenario.monitor.team is not None
-    topics = run_topics(dgus, scenario.links, scenario.sampling_period_ns, team=team)
+    topics = topics_of(scenario)
     return Wiring(
         topics=topics,
         physical={dgu: unit_of(scenario, dgu).physical for dgu in dgus},
         plan=None if topics.team is None else plan_of(scenario, topics.team),
+        responds=scenario.monitor.response is not None,
     )
 
 

@@ -1,0 +1,29 @@
+"""Everything the monitor of one DGU can know at once: which of its incoming links lies, and which to leave out."""
+
+from monitor.combined.designing import CombinedDesign, CombinedPlan, LocalPlan, design
+from monitor.combined.dgu_monitor import DguMonitor, DguOutput, DguState, DguVerdict, Own, Received
+from monitor.combined.isolation import Evidence, Isolation, explains, isolate
+from monitor.combined.plausibility import InputOutput, Limits, PlausibilityTest, build_limits
+from monitor.combined.response import Response
+
+__all__ = [
+    "CombinedDesign",
+    "CombinedPlan",
+    "DguMonitor",
+    "DguOutput",
+    "DguState",
+    "DguVerdict",
+    "Evidence",
+    "InputOutput",
+    "Isolation",
+    "Limits",
+    "LocalPlan",
+    "Own",
+    "PlausibilityTest",
+    "Received",
+    "Response",
+    "build_limits",
+    "design",
+    "explains",
+    "isolate",
+]

@@ -1,0 +1,218 @@
+"""From the own history to an observer of the own state."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from pydantic import ConfigDict, Field
+from pydantic.dataclasses import dataclass as checked_dataclass
+from scipy.linalg import solve_discrete_are
+
+from monitor.certificate import Certificate, DataReport
+from monitor.errors import HistoryError
+from monitor.observers.linear_observer import LinearObserver
+from monitor.options import parse_options
+from monitor.regression import regress_states
+from monitor.sight import measure_dynamics
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    from numpy.typing import NDArray
+
+    from monitor.history import History
+    from monitor.regression import Fit
+
+KIND = "luenberger"
+_REFERENCE = 1  # column of d that holds the DGU's own reference
+_SURE = 3.0  # standard errors that a coefficient must stand above 0 to be known
+_ROUNDING = 1e-9  # A/V: a conductance below it is rounding of exact data
+
+
+@checked_dataclass(frozen=True, slots=True, kw_only=True, config=ConfigDict(extra="forbid"))
+class LocalOptions:
+    """Options of the local module.
+
+    Attributes:
+        decay: largest modulus of the eigenvalues of the estimation error.
+        load_sec: attack-free stretch at the start from which the nominal load is learned [s]; 0: that of the history.
+        load_range_a: the load is known to stay this close to its nominal value [A]: less is no alarm.
+    """
+
+    decay: float = Field(default=0.5, gt=0.0, lt=1.0)
+    load_sec: float = Field(default=0.5, ge=0.0)
+    load_range_a: float = Field(default=0.0, ge=0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LocalDesign:
+    """The observer of the own state, or the reason why there is none.
+
+    Attributes:
+        observer: known inputs are the neighbours' voltages, the reference and the load; None when refused.
+        certificate: what the data showed.
+        error: (n, n) A - L, how the residual goes on by itself.
+        load_direction: (n,) how one ampere of load moves the state in a sample.
+        conductances: (neighbours,) 1/R_ij as the history shows them [S]; 0 where it does not show any.
+        load: mean load in the history [A].
+    """
+
+    observer: LinearObserver | None
+    certificate: Certificate
+    error: NDArray[np.float64]
+    load_direction: NDArray[np.float64]
+    conductances: NDArray[np.float64]
+    load: float
+
+    @property
+    def accepted(self) -> bool:
+        """Whether there is an observer."""
+        return self.observer is not None
+
+    @property
+    def verdict(self) -> str:
+        """One line in plain words."""
+        return self.certificate.verdict
+
+
+def design(history: History, neighbours: int, options: Mapping[str, object]) -> LocalDesign:
+    """Design z+ = A z + G u + L (y - z), r = y - z with u = [neighbours' voltages, reference, load] (G, section III).
+
+    A and G are those of x_t+1 = A x_t + G u_t on the DGU's own history (its x, w and d: the DGU measures its own state,
+    load and, in the offline experiment, its neighbours' voltages); L is the dual LQR's. Every input is known, so this
+    is a plain regression and no truncation decides anything; what can go wrong is said in the refusal.
+
+    Args:
+        history: the DGU's own.
+        neighbours: how many links it receives on.
+        options: of `LocalOptions`.
+
+    Raises:
+        MonitorError: unknown option.
+    """
+    parsed = parse_options(LocalOptions, options, KIND)
+    try:
+        fit = _fit(history, neighbours)
+        return _accept(history, neighbours, fit, parsed)
+    except HistoryError as error:
+        return refused(str(error))
+
+
+def refused(reason: str) -> LocalDesign:
+    """Return a design without an observer, and why."""
+    nothing = np.zeros(0)
+    return LocalDesign(
+        observer=None,
+        certificate=Certificate(kind=KIND, accepted=False, verdict=f"refused: {reason}"),
+        error=np.zeros((0, 0)),
+        load_direction=nothing,
+        conductances=nothing,
+        load=float("nan"),
+    )
+
+
+def _fit(history: History, neighbours: int) -> Fit:
+    first = history.experiments[0]
+    recorded = first.w.shape[1] - 1
+    if recorded < 0 or first.d.shape[1] <= _REFERENCE:
+        raise HistoryError("the own history holds no load, neighbours' voltages (w) and reference (d): record them")
+    if recorded == 0:
+        raise HistoryError("no neighbour's voltage acts on this DGU: its own state says nothing about any link")
+    if recorded != neighbours:
+        raise HistoryError(f"the own history holds {recorded} neighbours' voltages, expected one a link: {neighbours}")
+    tables = [(one.w[:, 1:], one.d[:, _REFERENCE : _REFERENCE + 1], one.w[:, :1]) for one in history.experiments]
+    voltages = [f"neighbour {number + 1}'s voltage" for number in range(neighbours)]
+    names = [*(f"x[{row}]" for row in range(history.states)), *voltages, "the reference", "the load"]
+    return regress_states(history, tables, names)
+
+
+def _accept(history: History, neighbours: int, fit: Fit, options: LocalOptions) -> LocalDesign:
+    n = history.states
+    A, G = fit.Theta[:, :n], fit.Theta[:, n:]
+    load_direction = G[:, -1]
+    toward = load_direction / (load_direction @ load_direction)  # b^+
+    if np.linalg.norm(load_direction) <= _SURE * np.linalg.norm(fit.error[:, -1]) + _ROUNDING:
+        raise HistoryError("the history does not show how the load acts: excite it more or record with less noise")
+    conductances = -(toward @ G[:, :neighbours])
+    doubt = np.abs(toward) @ fit.error[:, n : n + neighbours]
+    conductances = np.where(np.abs(conductances) > _SURE * doubt + _ROUNDING, conductances, 0.0)
+    if not conductances.any():
+        raise HistoryError("blind: the history does not show how any neighbour's voltage acts on the own state")
+    L = _gain(A, options.decay)
+    unseen = [str(number + 1) for number in np.flatnonzero(conductances == 0.0)]
+    certificate = Certificate(
+        kind=KIND,
+        accepted=True,
+        verdict=_words(neighbours, fit, unseen),
+        data=_report(history, neighbours, fit),
+        dynamics=measure_dynamics(A - L, "dual_lqr", fit.misfit, history.sampling_period_sec),
+        matrices={
+            "A": A,
+            "G": G,
+            "L": L,
+            "conductances": conductances,
+            "gain": np.asarray(np.linalg.solve(np.eye(n) - A + L, load_direction), dtype=np.float64),
+        },
+    )
+    return LocalDesign(
+        observer=_observer(A, G, L),
+        certificate=certificate,
+        error=A - L,
+        load_direction=load_direction,
+        conductances=conductances,
+        load=float(np.nanmean(np.concatenate([one.w[:, 0] for one in history.experiments]))),
+    )
+
+
+def _gain(A: NDArray[np.float64], decay: float) -> NDArray[np.float64]:
+    """L that makes A - L Schur with every mode within the decay, by the dual LQR of (A / decay, I)."""
+    identity = np.eye(len(A))
+    scaled = A.T / decay
+    X = solve_discrete_are(scaled, identity, identity, identity)
+    return np.asarray(decay * np.linalg.solve(identity + X, X @ scaled).T)
+
+
+def _observer(A: NDArray[np.float64], G: NDArray[np.float64], L: NDArray[np.float64]) -> LinearObserver:
+    """The predictor in running form: xhat = z, r = y - z, started from z_0 = y_0."""
+    n, m = len(A), G.shape[1]
+    return LinearObserver(
+        A=A - L,
+        B=np.hstack([G, L]),
+        M=np.eye(n),
+        D=np.zeros((n, m + n)),
+        H=-np.eye(n),
+        J=np.hstack([np.zeros((n, m)), np.eye(n)]),
+        Z=np.hstack([np.zeros((n, m)), np.eye(n)]),
+        inputs=m,
+        outputs=n,
+    )
+
+
+def _report(history: History, neighbours: int, fit: Fit) -> DataReport:
+    n, m = history.states, neighbours + 2
+    return DataReport(
+        states=n,
+        known_inputs=m,
+        outputs=n,
+        experiments=len(history.experiments),
+        columns=fit.columns,
+        dropped=sum(len(one.x) - 1 for one in history.experiments) - fit.columns,
+        sampling_period_sec=history.sampling_period_sec,
+        unknown_inputs=0,
+        rank=n + m,
+        rank_basis="regression",
+        rank_confidence=1.0,
+        rank_reason="every input is recorded, so the regressors alone decide",
+        exciting=True,
+        excitation=fit.excitation,
+        innovation_values=np.array([fit.misfit]),
+        singular_values=fit.excitation,
+    )
+
+
+def _words(neighbours: int, fit: Fit, unseen: list[str]) -> str:
+    sees = f"sees what the voltages of {neighbours - len(unseen)} of {neighbours} neighbours leave unexplained"
+    blind = f", not those of neighbour {', '.join(unseen)}" if unseen else ""
+    return f"accepted: {sees}{blind}; misfit {fit.misfit:.2g} over {fit.columns} columns"
