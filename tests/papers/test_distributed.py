@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from dcmg_bringup.papers import dduio, dduio_grid
+from dcmg_bringup.papers import dduio, dduio_grid, team_grid
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -57,6 +57,16 @@ def test_nodes_on_the_grid_estimate_it_whole(tmp_path: Path) -> None:
     heard = np.isfinite(found.lie_seen)
     assert np.all(found.lie_seen[heard] > 10.0 * found.lie_error[heard])
     (path,) = dduio_grid.plot(found, tmp_path)
+    assert path.read_bytes().startswith(b"\x89PNG")
+
+
+def test_the_team_in_numbers_shows_what_only_a_team_sees(tmp_path: Path) -> None:
+    """The checks of the study hold for one setting and the stealthy attack; tables and figure come out."""
+    found = team_grid.run(1, designs=("mutual",), attacks=("stealthy trajectory to 0.5 V, 1 A",))
+    assert [check.name for check in team_grid.checks(found) if not check.ok] == []
+    assert len(team_grid.checks(found)) == 4
+    assert any(line.startswith("| stealthy trajectory") and "never" in line for line in team_grid.notes(found))
+    (path,) = team_grid.plot(found, tmp_path)
     assert path.read_bytes().startswith(b"\x89PNG")
 
 

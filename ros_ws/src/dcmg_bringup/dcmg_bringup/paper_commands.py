@@ -62,6 +62,9 @@ EXPERIMENTS = {
     "dduio-grid": PaperExperiment(
         module="dduio_grid", title="Distributed data-driven UIO on the microgrid, in sampled time"
     ),
+    "dduio-team": PaperExperiment(
+        module="team_grid", title="The team of monitors in numbers: structures, couplings, noise, attacks, cost", seed=1
+    ),
     "uie": PaperExperiment(
         module="uie", title="Data-driven input reconstruction from outputs: op-UIE and cl-UIE", seed=353
     ),
