@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 @pytest.fixture(scope="module")
 def result() -> delayed.DelayedResult:
     """The experiment."""
-    return delayed.run()
+    return delayed.run(records=(20, 320), record_seeds=2)
 
 
 def test_figures_of_the_page_come_out(result: delayed.DelayedResult) -> None:
