@@ -14,6 +14,7 @@ import typer
 from bags.errors import BagError
 from bags.recording import ChunkPreset
 from dcmg_bringup import attack_commands, bag_commands, import_commands, jobs, paper_commands, player_commands
+from dcmg_bringup.avoided_command import avoided
 from dcmg_bringup.design_command import design
 from dcmg_bringup.errors import BringupError
 from dcmg_bringup.reconstruct_command import reconstruct
@@ -58,6 +59,7 @@ app.add_typer(paper_commands.app, name="paper")
 app.add_typer(bag_commands.app, name="bag")
 app.add_typer(import_commands.app, name="import")
 app.add_typer(player_commands.app, name="player")
+app.command("avoided")(avoided)
 app.command("design")(design)
 app.command("replay")(replay)
 app.command("reconstruct")(reconstruct)
