@@ -131,6 +131,14 @@ class Bag:
             for offset, data in zip(offsets, chunk.payloads(channel_id), strict=True):
                 yield int(MESSAGE_HEAD.unpack_from(chunk.data.data, offset)[4]), data
 
+    def type_of(self, topic: str) -> str:
+        """Full message type name of a topic.
+
+        Raises:
+            BagError: No such topic.
+        """
+        return self._topic(topic).type_name
+
     def is_fixed(self, topic: str) -> bool:
         """Whether `blocks` can read a topic: its type has neither sequences, unless they never change, nor two strings.
 

@@ -1,19 +1,15 @@
-"""Topics of a bag as tables for other programs: CSV or Parquet, one file a topic."""
+"""Bags as files for other programs: CSV or Parquet, one file a topic; netCDF, one file a run."""
 
 import re
-from collections.abc import Iterator
 from dataclasses import dataclass
 from enum import Enum
-from importlib import import_module
 from pathlib import Path
-from types import ModuleType
-from typing import Any, final
+from typing import final
 
-import numpy as np
-from numpy.typing import NDArray
-
-from bags.bag import Bag, TopicBlock, open_bag
+from bags.bag import Bag, open_bag
 from bags.errors import BagError
+from bags.rows import is_known
+from bags.tabular import library, tables, write_netcdf
 
 
 class TableFormat(Enum):
@@ -21,6 +17,7 @@ class TableFormat(Enum):
 
     CSV = "csv"
     PARQUET = "parquet"
+    NETCDF = "netcdf"
 
 
 @final
@@ -29,8 +26,8 @@ class ExportReport:
     """What was exported.
 
     Attributes:
-        files: File of each exported topic.
-        left_out: Topics whose messages vary in length or that hold none.
+        files: File of each exported topic, or of the run.
+        left_out: Topics that hold no message, or messages of a type that we do not know.
     """
 
     files: dict[str, Path]
@@ -38,73 +35,44 @@ class ExportReport:
 
 
 def export(path: Path, out: Path, form: TableFormat) -> ExportReport:
-    """Write every topic of fixed length as a table: `time_ns`, then one column a number.
+    """Write every topic as a table: `time_ns`, then one column a number; or a run as one netCDF file.
 
-    Columns carry the names of the message's fields, `header.stamp.sec`, elements of arrays as `x[0]`. Memory stays
-    bounded by one block of messages.
+    Columns carry the names of the message's fields, `header.stamp.sec`, elements of arrays as `x[0]`. Of messages that
+    vary in length, sequences are lists in Parquet and JSON in CSV. Memory stays bounded by one block of messages.
 
     Args:
         path: The bag's directory.
         out: Folder for the files; must not exist, or be empty.
-        form: CSV or Parquet.
+        form: CSV, Parquet or netCDF.
 
     Raises:
-        BagError: The bag cannot be read, the folder holds something or cannot be written, or pyarrow is not installed.
+        BagError: The bag cannot be read, the folder holds something or cannot be written, or a package is missing.
     """
-    arrow = _arrow()
     bag = open_bag(path)
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise BagError(f"{out}: expected a new or empty folder, found one that holds something")
-    files: dict[str, Path] = {}
     try:
         out.mkdir(parents=True, exist_ok=True)
+        if form is TableFormat.NETCDF:
+            return ExportReport(files={"run": write_netcdf(path, out / "run.nc")}, left_out=())
+        files: dict[str, Path] = {}
         for topic, info in bag.topics.items():
-            if info.count and bag.is_fixed(topic):
+            if info.count and (bag.is_fixed(topic) or is_known(info.type_name)):
                 files[topic] = out / f"{re.sub(r'[^A-Za-z0-9]+', '_', topic.strip('/'))}.{form.value}"
-                _write(arrow, bag, topic, files[topic], form)
+                _write(bag, topic, files[topic], form)
     except OSError as error:
         raise BagError(f"{out}: cannot write the tables ({error.strerror or error})") from error
     return ExportReport(files=files, left_out=tuple(topic for topic in bag.topics if topic not in files))
 
 
-def columns(block: TopicBlock) -> dict[str, NDArray[Any]]:
-    """The numbers of a block as columns of shape (messages,), by name."""
-    found: dict[str, NDArray[Any]] = {"time_ns": block.time_ns}
-    for name in block.data.dtype.names or ():
-        values = block.data[name]
-        if values.dtype.kind in "SV":  # the string and the encapsulation are the same in every message
-            continue
-        if name.endswith(".length") and name.removesuffix(".length") in (block.data.dtype.names or ()):
-            continue
-        if values.ndim == 1:
-            found[name] = values
-        else:
-            found |= {f"{name}[{position}]": values[:, position] for position in range(values.shape[1])}
-    return found
-
-
-def _write(arrow: ModuleType, bag: Bag, topic: str, file: Path, form: TableFormat) -> None:
-    tables = _tables(arrow, bag, topic)
-    first = next(tables)
+def _write(bag: Bag, topic: str, file: Path, form: TableFormat) -> None:
+    parts = tables(bag, topic, text_lists=form is TableFormat.CSV)
+    first = next(parts)
     if form is TableFormat.CSV:
-        writer = arrow.csv.CSVWriter(str(file), first.schema)
+        writer = library("pyarrow.csv").CSVWriter(str(file), first.schema)
     else:
-        writer = arrow.parquet.ParquetWriter(str(file), first.schema)
+        writer = library("pyarrow.parquet").ParquetWriter(str(file), first.schema)
     with writer:
         writer.write_table(first)
-        for table in tables:
-            writer.write_table(table)
-
-
-def _tables(arrow: ModuleType, bag: Bag, topic: str) -> Iterator[Any]:
-    for block in bag.blocks(topic):
-        yield arrow.table({name: np.ascontiguousarray(values) for name, values in columns(block).items()})
-
-
-def _arrow() -> ModuleType:
-    try:
-        for part in ("pyarrow.csv", "pyarrow.parquet"):
-            import_module(part)
-        return import_module("pyarrow")
-    except ImportError as error:
-        raise BagError("export needs the Python package pyarrow, found none: pip install pyarrow") from error
+        for part in parts:
+            writer.write_table(part.cast(first.schema))

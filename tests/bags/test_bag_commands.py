@@ -4,7 +4,6 @@ import json
 import shutil
 from pathlib import Path
 
-import pytest
 from typer.testing import CliRunner
 
 from dcmg_bringup.bag_commands import app
@@ -37,6 +36,5 @@ def test_info_and_export(bag: Path, tmp_path: Path) -> None:
     document = json.loads(run(app, ["info", str(bag), "--json"]).output)
     assert (document["duration_sec"], document["attachments"]) == (2.39, ["scenario.yaml", "versions.json"])
     assert document["messages"] == sum(topic["count"] for topic in document["topics"])
-    pytest.importorskip("pyarrow")
     done = run(app, ["export", str(bag), "--out", str(tmp_path / "tables")])
-    assert (done.exit_code, "/dgu_1/history" in done.output) == (0, True)
+    assert (done.exit_code, (tmp_path / "tables/dgu_1_history.csv").is_file()) == (0, True)

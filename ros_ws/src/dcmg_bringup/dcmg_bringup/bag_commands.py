@@ -56,11 +56,11 @@ def export(
     out: Annotated[Path, typer.Option(help="folder for the tables; new or empty")],
     form: Annotated[TableFormat, typer.Option("--format", help="kind of the files")] = TableFormat.CSV,
 ) -> None:
-    """Write one table a topic; messages that vary in length are left out and named."""
+    """Write one table a topic, or a run as one netCDF file with dimensions and units."""
     report = export_bag(bag, out, form)
-    typer.echo(f"{len(report.files)} topics are in {out}")
+    typer.echo(f"{len(report.files)} file(s) are in {out}")
     if report.left_out:
-        typer.echo(f"left out (no messages, or of varying length): {' '.join(report.left_out)}")
+        typer.echo(f"left out (no messages, or of an unknown type): {' '.join(report.left_out)}")
 
 
 @app.command()
