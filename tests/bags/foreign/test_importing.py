@@ -75,7 +75,7 @@ def test_bags_of_rosbags_with_types_of_their_own(
     assert (described.name, described.messages, described.clock) == ("/plant", 5, "header")
 
 
-@pytest.mark.parametrize("form", TableFormat)
+@pytest.mark.parametrize("form", [TableFormat.CSV, TableFormat.PARQUET])
 def test_run_through_tables_gives_the_same_residuals(
     record: RunRecord, bag: Path, tmp_path: Path, form: TableFormat
 ) -> None:
