@@ -172,7 +172,6 @@ def import_streams(
     custom = {"imported_from": source.name, "start_ns": str(grid.start_ns)}
     with BagWriter(out, announced, custom_data=custom) as writer:
         _attach(writer, mapping, report)
-        writer.attach(MONITOR_ATTACHMENT, dump(mapping.monitor.model_dump(mode="json")).encode(), "application/yaml")
         for record in histories:
             writer.write(codecs[record.dgu].topic.name, 0, codecs[record.dgu].encode(record))
         _write_steps(writer, topics, columns, progress)
@@ -248,10 +247,20 @@ def _write_steps(
             progress("writing", step, rows)
 
 
-def _attach(writer: BagWriter, mapping: Mapping, report: ImportReport) -> None:
+def attach_mapping(writer: BagWriter, mapping: Mapping) -> None:
+    """Put a mapping, its monitor section for replays, and the versions into a bag.
+
+    Raises:
+        BagError: The disk refuses.
+    """
     writer.attach(MAPPING_ATTACHMENT, dump(mapping.model_dump(mode="json")).encode(), "application/yaml")
-    writer.attach(REPORT_ATTACHMENT, json.dumps(report.document(), indent=1).encode(), "application/json")
+    writer.attach(MONITOR_ATTACHMENT, dump(mapping.monitor.model_dump(mode="json")).encode(), "application/yaml")
     attach_versions(writer)
+
+
+def _attach(writer: BagWriter, mapping: Mapping, report: ImportReport) -> None:
+    attach_mapping(writer, mapping)
+    writer.attach(REPORT_ATTACHMENT, json.dumps(report.document(), indent=1).encode(), "application/json")
 
 
 def _check_absent(out: Path) -> None:

@@ -8,11 +8,9 @@ import numpy as np
 from rosbags.highlevel import AnyReader
 
 from bags.foreign.fields import numeric_fields
-from bags.foreign.recordings import definitions_of, has_header, open_foreign_bag
+from bags.foreign.recordings import definitions_of, has_header, open_foreign_bag, stamp_of
 from bags.foreign.regularity import Regularity, regularity
 from bags.foreign.tables import all_columns, is_table
-
-_SECOND_NS = 1_000_000_000
 
 
 @final
@@ -75,7 +73,7 @@ def _described(reader: AnyReader, topic: str) -> Described:
         stamp = recorded_ns
         if by_header:
             message: Any = reader.deserialize(data, connection.msgtype)
-            stamp = message.header.stamp.sec * _SECOND_NS + message.header.stamp.nanosec
+            stamp = stamp_of(message)
         stamps.append(stamp)
     nothing = np.zeros((len(stamps), 0))
     return Described(

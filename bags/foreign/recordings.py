@@ -139,6 +139,11 @@ def has_header(type_name: str, definitions: Definitions) -> bool:
     return any(field == name and detail == wanted for field, (_, detail) in definitions.get(type_name, ()))
 
 
+def stamp_of(message: Any) -> int:  # noqa: ANN401 - whatever has a header
+    """Instant in the header of a message [ns]."""
+    return int(message.header.stamp.sec * _SECOND_NS + message.header.stamp.nanosec)
+
+
 def _messages(
     source: Path,
     reader: AnyReader,
@@ -155,7 +160,7 @@ def _messages(
         message: Any = reader.deserialize(data, connection.msgtype)
         stamp = recorded_ns
         if by_header:
-            stamp = message.header.stamp.sec * _SECOND_NS + message.header.stamp.nanosec
+            stamp = stamp_of(message)
         with _named(source, recorded_ns):
             values[connection.topic].append([path.read(message) for path in paths[connection.topic]])
         stamps[connection.topic].append(stamp)

@@ -17,6 +17,7 @@ from dcmg_bringup import attack_commands, bag_commands, import_commands, jobs, p
 from dcmg_bringup.avoided_command import avoided
 from dcmg_bringup.design_command import design
 from dcmg_bringup.errors import BringupError
+from dcmg_bringup.monitor_command import monitor
 from dcmg_bringup.reconstruct_command import reconstruct
 from dcmg_bringup.recording_options import (
     BagBufferMb,
@@ -62,6 +63,7 @@ app.add_typer(player_commands.app, name="player")
 app.command("avoided")(avoided)
 app.command("design")(design)
 app.command("replay")(replay)
+app.command("monitor")(monitor)
 app.command("reconstruct")(reconstruct)
 app.command("report")(report)
 app.command("soak")(soak)

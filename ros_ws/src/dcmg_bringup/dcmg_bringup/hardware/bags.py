@@ -31,6 +31,7 @@ _EPOCH_NS = 1_760_000_000_000_000_000
 _JITTER_NS = 20_000
 _DELAY_NS = 2_000_000
 _SCENARIO = "gallo_six_dgu"
+_RESTLESS_LOAD = "dgus.0.load=[{kind: constant, current_a: 10}, {kind: uniform, low_a: -0.5, high_a: 0.5}]"
 _STORE = get_typestore(Stores.ROS2_JAZZY)
 _BATTERY, _VECTOR = "sensor_msgs/msg/BatteryState", "geometry_msgs/msg/Vector3Stamped"
 _HOUSE = "sensor_msgs/msg/JointState"
@@ -63,7 +64,7 @@ def write_field_bag(path: Path, storage: StoragePlugin = StoragePlugin.SQLITE3) 
         storage: MCAP or sqlite3.
     """
     attack = f"attacks=[{{kind: bias, link: 1-2, start_sec: {ATTACK_SEC}, bias: [0.1, 0.1, 0.1]}}]"
-    scenario = load_scenario(scenario_path(_SCENARIO), [f"duration_sec={_FIELD_SEC}", attack])
+    scenario = load_scenario(scenario_path(_SCENARIO), [f"duration_sec={_FIELD_SEC}", attack, _RESTLESS_LOAD])
     (block,) = simulate(scenario, block_steps=scenario.steps)
     link = [str(one) for one in scenario.links].index("1-2")
     y = block.received[:, 0, link]

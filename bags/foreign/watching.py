@@ -1,0 +1,205 @@
+"""Monitors for the streams of a mapping: rows of foreign numbers -> received samples -> conclusions."""
+
+from collections.abc import Mapping as MappingType
+from collections.abc import Sequence
+from dataclasses import dataclass
+from math import isfinite, nan
+from pathlib import Path
+from typing import NamedTuple, final
+
+from bags.convert import design_record, history_of
+from bags.errors import BagError
+from bags.foreign.fields import FieldPath
+from bags.foreign.mapping import Mapping, Signal, StreamMapping
+from bags.foreign.sampling import Row, Values
+from bags.histories import read_histories
+from bags.records import DesignRecord, HistoryRecord
+from bags.schema import RunTopics, run_topics
+from dgu_sim.grid import Link
+from dgu_sim.records import Sample
+from monitor import detectors, observers
+from monitor.history import History
+from monitor.link_monitor import LinkMonitor, MonitorOutput, MonitorState
+
+WIDTH = 3  # components of a vector in a message
+_SAME_PERIOD = 1e-3  # relative
+
+
+class Place(NamedTuple):
+    """Where a signal is in a row, and what makes SI units of it."""
+
+    track: int
+    position: int
+    factor: float
+    offset: float
+
+    def value(self, values: Values) -> float:
+        """The signal in SI units."""
+        return values[self.position] * self.factor + self.offset
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StreamReader:
+    """Takes the sample of one link out of a row.
+
+    Attributes:
+        link: The link.
+        y: Outputs.
+        delivered: 0 where the sample was lost, None: nothing says so.
+    """
+
+    link: Link
+    y: tuple[Place, ...]
+    delivered: Place | None
+
+    def sample(self, row: Row) -> Sample:
+        """The received output; not delivered where any part of it is missing."""
+        places = self.y if self.delivered is None else (*self.y, self.delivered)
+        numbers: list[float] = []
+        arrived = True
+        for place in places:
+            values = row.values[place.track]
+            numbers.append(nan if values is None else place.value(values))
+            arrived = arrived and values is not None
+        if self.delivered is not None:
+            said = numbers.pop()
+            arrived = arrived and isfinite(said) and said != 0.0
+        V, I_t, v = (*numbers, nan, nan)[:WIDTH]
+        return Sample(y=(V, I_t, v), delivered=arrived)
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class StreamMonitors:
+    """Observers and detectors of all links of a mapping, in the order of `topics.links`.
+
+    Attributes:
+        topics: Links and T_s.
+        fields: Fields of each track, by its topic, in the order of a row.
+        readers: Take samples out of rows.
+        monitors: Take samples.
+        designs: What was designed.
+        histories: From what.
+    """
+
+    topics: RunTopics
+    fields: MappingType[str, tuple[FieldPath, ...]]
+    readers: tuple[StreamReader, ...]
+    monitors: tuple[LinkMonitor, ...]
+    designs: tuple[DesignRecord, ...]
+    histories: tuple[HistoryRecord, ...]
+
+    def init(self) -> tuple[MonitorState, ...]:
+        """State before the first row."""
+        return tuple(monitor.init() for monitor in self.monitors)
+
+    def step(
+        self, states: Sequence[MonitorState], row: Row
+    ) -> tuple[tuple[MonitorState, ...], list[tuple[Sample, MonitorOutput]]]:
+        """Take one row: what each link received, and what its monitor concludes."""
+        following: list[MonitorState] = []
+        found: list[tuple[Sample, MonitorOutput]] = []
+        for reader, monitor, state in zip(self.readers, self.monitors, states, strict=True):
+            sample = reader.sample(row)
+            after, output = monitor.step(state, tuple(sample.y), sample.delivered)
+            following.append(after)
+            found.append((sample, output._replace(estimate=(*output.estimate, nan, nan, nan)[:WIDTH])))
+        return tuple(following), found
+
+
+def stream_monitors(mapping: Mapping, source: str, history: Path) -> StreamMonitors:
+    """Design a monitor for every stream of a mapping.
+
+    Args:
+        mapping: Its `streams`, `monitor` and `sampling_period_sec`.
+        source: What to call it in messages.
+        history: Bag with a history of every watched DGU.
+
+    Raises:
+        BagError: No streams, wrong fields, no history of a DGU, or one that does not fit: one line.
+        monitor.errors.MonitorError: Unknown observer or detector, or options of theirs.
+    """
+    if not mapping.streams:
+        raise BagError(f"{source}: the mapping has no key streams, expected what to monitor")
+    streams = {one.ends: one for one in mapping.streams}
+    ends = sorted({end for link in streams for end in (link.source, link.target)})
+    records = {dgu: read_histories(history, dgu) for dgu in sorted({link.source for link in streams})}
+    histories = {dgu: history_of(found) for dgu, found in records.items()}
+    period_sec = _period_sec(mapping, source, history, histories)
+    topics = run_topics(ends, list(streams), round(period_sec * 1e9))
+    fields = _fields(source, mapping.streams)
+    for link, one in streams.items():
+        _check_fits(source, one, link, histories[link.source])
+    monitors, designs = [], []
+    for link in topics.links:
+        observer, detector = mapping.monitor.observer, mapping.monitor.detector
+        design = observers.design(observer.kind, histories[link.source], observer.options)
+        monitors.append(
+            LinkMonitor(
+                observer=design.observer,
+                detector=detectors.build(detector.kind, detector.options, period_sec),
+                channels=design.channels,
+                blind=design.blind,
+            )
+        )
+        designs.append(design_record(design, link.source, link.target))
+    return StreamMonitors(
+        topics=topics,
+        fields=fields,
+        readers=tuple(_reader(streams[link], fields) for link in topics.links),
+        monitors=tuple(monitors),
+        designs=tuple(designs),
+        histories=tuple(record for found in records.values() for record in found),
+    )
+
+
+def _period_sec(mapping: Mapping, source: str, history: Path, histories: MappingType[int, History]) -> float:
+    recorded = {dgu: one.sampling_period_sec for dgu, one in histories.items()}
+    wanted = mapping.sampling_period_sec or next(iter(recorded.values()))
+    for dgu, period_sec in recorded.items():
+        if abs(period_sec / wanted - 1.0) > _SAME_PERIOD:
+            raise BagError(
+                f"{history}: the history of DGU {dgu} is sampled every {period_sec:g} s, expected {wanted:g} s as "
+                f"{source} or another history says"
+            )
+    return wanted
+
+
+def _check_fits(source: str, stream: StreamMapping, link: Link, history: History) -> None:
+    if len(stream.y) != history.outputs:
+        raise BagError(
+            f"{source}: stream {stream.link} has {len(stream.y)} outputs y, expected {history.outputs} as the history "
+            f"of DGU {link.source} has"
+        )
+    if history.states > WIDTH:
+        raise BagError(
+            f"{source}: the history of DGU {link.source} has {history.states} states, expected at most {WIDTH}: a "
+            "dcmg_msgs/Residual carries no more"
+        )
+
+
+def _fields(source: str, streams: Sequence[StreamMapping]) -> dict[str, tuple[FieldPath, ...]]:
+    """Fields by topic, each once, in the order in which the mapping names them."""
+    found: dict[str, dict[str, FieldPath]] = {}
+    for signal in (signal for one in streams for signal in one.signals):
+        try:
+            path = FieldPath.parse(signal.field)
+        except BagError as error:
+            raise BagError(f"{source}: {error}") from None
+        found.setdefault(path.topic, {})[str(path)] = path
+    return {topic: tuple(paths.values()) for topic, paths in found.items()}
+
+
+def _reader(stream: StreamMapping, fields: MappingType[str, tuple[FieldPath, ...]]) -> StreamReader:
+    tracks = list(fields)
+
+    def place(signal: Signal) -> Place:
+        path = FieldPath.parse(signal.field)
+        return Place(tracks.index(path.topic), fields[path.topic].index(path), signal.factor, signal.offset)
+
+    return StreamReader(
+        link=stream.ends,
+        y=tuple(place(signal) for signal in stream.y),
+        delivered=place(stream.delivered) if stream.delivered else None,
+    )
