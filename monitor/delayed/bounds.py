@@ -78,6 +78,16 @@ def respond(model: Model, window: Window, L: NDArray[np.float64], H: NDArray[np.
     return ErrorResponse(G=np.array(terms))
 
 
+def respond_input(model: Model, window: Window, L: NDArray[np.float64]) -> ErrorResponse:
+    """Response of w^_k - w_k = G^+ [e_k+1 - A e_k; -C e_k] to w, from that of e."""
+    states = respond(model, window, L, np.eye(len(model.A))).G
+    inverse = np.linalg.pinv(model.G)
+    to_next, to_now = inverse[:, : len(model.A)], -inverse @ np.vstack([model.A, model.C])
+    earlier = np.concatenate([np.zeros_like(states[:1]), states])
+    later = np.concatenate([states, np.zeros_like(states[:1])])
+    return ErrorResponse(G=to_next @ later + to_now @ earlier)
+
+
 def certify(model: Model, window: Window, L: NDArray[np.float64], H: NDArray[np.float64]) -> tuple[float, float]:
     """Smallest mu with limsup |H e| <= sqrt(mu) sup |W| that C's LMI proves for this gain, and its a.
 

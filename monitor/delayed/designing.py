@@ -12,7 +12,7 @@ from pydantic.dataclasses import dataclass as checked_dataclass
 
 from monitor.acceptor import unobservable
 from monitor.certificate import Certificate, Guarantee, smallest_crossing
-from monitor.delayed.bounds import ErrorResponse, certify, respond
+from monitor.delayed.bounds import ErrorResponse, certify, respond, respond_input
 from monitor.delayed.decoupling import Decoupling, decouple
 from monitor.delayed.innovation import moved_by_inputs, residual_rows
 from monitor.delayed.model import window_of
@@ -165,7 +165,7 @@ def _guarantee(
         bound=float(np.sqrt(mu * (delay + 1))),
         response_bound=errors.guaranteed,
         reached=_reach(errors),
-        input_bound=_input_response(model, window, L).guaranteed,
+        input_bound=respond_input(model, window, L).guaranteed,
     )
 
 
@@ -173,16 +173,6 @@ def _reach(errors: ErrorResponse) -> float:
     """Largest error that the searched inputs reach; the search always starts from the same directions."""
     directions = np.random.default_rng(0).standard_normal((_STARTS, errors.G.shape[1]))
     return max(errors.worst(direction)[0] for direction in directions)
-
-
-def _input_response(model: Model, window: Window, L: NDArray[np.float64]) -> ErrorResponse:
-    """Response of w^_k - w_k = G^+ [e_k+1 - A e_k; -C e_k] to w, from that of e."""
-    states = respond(model, window, L, np.eye(len(model.A))).G
-    inverse = np.linalg.pinv(model.G)
-    to_next, to_now = inverse[:, : len(model.A)], -inverse @ np.vstack([model.A, model.C])
-    earlier = np.concatenate([np.zeros_like(states[:1]), states])
-    later = np.concatenate([states, np.zeros_like(states[:1])])
-    return ErrorResponse(G=to_next @ later + to_now @ earlier)
 
 
 def _sees(guarantee: Guarantee, residual: ResidualReport) -> str:

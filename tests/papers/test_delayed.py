@@ -62,9 +62,12 @@ def test_the_factor_by_which_bounds_are_approached_is_printed(result: delayed.De
     """One row a case; where a bound is not zero the optimised inputs come within a hundredth of it."""
     rows = [line for line in delayed.notes(result) if line.startswith("| y")]
     assert len(rows) == len(delayed.CASES)
-    shares = [float(row.split("|")[-3]) for row in rows if "exact" not in row]
-    assert len(shares) == 6
-    assert all(0.99 < share <= 1.0 for share in shares)
+    columns = [name.strip() for name in delayed.HEAD.split("|")]
+    cells = [dict(zip(columns, row.split("|"), strict=True)) for row in rows if "exact" not in row]
+    assert len(cells) == 6
+    for one in cells:
+        assert 0.99 < float(one["/ smaller bound"]) <= 1.0
+        assert 0.95 < float(one["input error"]) / float(one["input bound"]) <= 1.0
 
 
 CONDUCTANCE = (44.3, 45.0, 31.0, 54.2, 25.0, 22.5)  # sum of 1/R_ij of every DGU's lines [S] (theory.md section 1)

@@ -9,10 +9,10 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from dcmg_bringup.papers.check import Check
+from dcmg_bringup.papers.delayed_stress import ADVERSARIAL_RUNS, RANDOM_RUNS, Stress, stress_of
 from dcmg_bringup.papers.turan_2021 import DGUS, T_S
 from dgu_sim.matrices import continuous, discretise
-from monitor.delayed import ConstantInput, design, model_of
-from monitor.delayed.bounds import respond
+from monitor.delayed import design, model_of
 from monitor.delayed.model import window_of
 from monitor.delayed.model_based import design_from_model
 from monitor.delayed.performance import solve_lmi
@@ -25,7 +25,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from monitor.delayed import DelayedDesign, Model
-    from monitor.linear import Vector
 
 CASES = (
     ("y = x", 3, 0),
@@ -39,26 +38,14 @@ PAGE_A = 0.95
 EXPECTED_GAMMA = {("y = x", 0): 1.35, ("y = (V, I_t)", 0): 1.35, ("y = V", 0): 1.67, ("y = V", 1): 1.03}
 EXPECTED_GAMMA |= {("y = V", 2): 0.72, ("y = V", 3): 0.60}
 POLE = -0.367
-RANDOM_RUNS, RANDOM_STEPS, ADVERSARIAL_RUNS = 10_000, 50, 100
+HEAD = (
+    "| DGU 1, H = I | gamma | LMI bound | response bound | random | optimised | / smaller bound | / LMI bound "
+    "| input bound | input error |"
+)
 RECORDS = (20, 80, 320, 1280)
 RECORD_SEEDS = 10
 ATTACK_STEP, ATTACK_STEPS, ATTACK = 60, 120, 0.1  # on V [V]
 NOISE = 1e-3  # on the received outputs of the attacked run, units of y
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Stress:
-    """Largest |H e| / sup |w| met in simulation, against what is guaranteed.
-
-    Attributes:
-        random: over 10^4 random input sequences.
-        adversarial: over 100 optimised ones.
-        trajectory: (steps,) |H e| under the worst of them.
-    """
-
-    random: float
-    adversarial: float
-    trajectory: NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -98,12 +85,12 @@ def run(seed: int = 0, records: tuple[int, ...] = RECORDS, record_seeds: int = R
         design_from_model(model, {"delay": delay}, T_S) for model, (_, _, delay) in zip(models, CASES, strict=True)
     )
     generator = np.random.default_rng(seed)
-    stress = tuple(_stress(made, model, generator) for made, model in zip(designs, models, strict=True))
+    stress = tuple(stress_of(made, model, generator) for made, model in zip(designs, models, strict=True))
     from_data = tuple(
         design(_record(20, outputs, np.random.default_rng((seed, 1, number))), {"delay": delay, "unknown_inputs": 2})
         for number, (_, outputs, delay) in enumerate(CASES)
     )
-    data_stress = tuple(_stress(made, made.model, generator) for made in from_data if made.model is not None)
+    data_stress = tuple(stress_of(made, made.model, generator) for made in from_data if made.model is not None)
     attack, attack_std = _attacked(np.random.default_rng((seed, 2)))
     return DelayedResult(
         seed=seed,
@@ -157,8 +144,8 @@ def notes(result: DelayedResult) -> list[str]:
     lines = [
         f"{RANDOM_RUNS} random and {ADVERSARIAL_RUNS} optimised input sequences of norm 1 in each case:",
         "",
-        "| DGU 1, H = I | gamma | LMI bound | response bound | random | optimised | / smaller bound | / LMI bound |",
-        "|---|---|---|---|---|---|---|---|",
+        HEAD,
+        "|---|---|---|---|---|---|---|---|---|---|",
     ]
     designs, stresses = (*result.designs, *result.from_data), (*result.stress, *result.data_stress)
     for number, (made, stress) in enumerate(zip(designs, stresses, strict=True)):
@@ -173,6 +160,11 @@ def notes(result: DelayedResult) -> list[str]:
         cells = ["0, exact" if found.exact else f"{number:.3f}" for number in numbers[:3]]
         cells += [f"{number:.1e}" if found.exact else f"{number:.3f}" for number in numbers[3:]]
         cells += ["", ""] if found.exact else [f"{share:.4f}" for share in shares]
+        cells += (
+            ["0, exact", f"{stress.inputs:.1e}"]
+            if found.exact
+            else [f"{found.input_bound:.3f}", f"{stress.inputs:.3f}"]
+        )
         lines.append(f"| {name}, delay {delay} | " + " | ".join(cells) + " |")
     lines += [
         "",
@@ -237,7 +229,7 @@ def _excess(label: str, made: DelayedDesign, stress: Stress) -> Check:
     if made.guarantee is None:
         raise TypeError(f"{label}: {made.verdict}")
     allowed = min(made.guarantee.bound, made.guarantee.response_bound)
-    excess = max(stress.random, stress.adversarial) - allowed
+    excess = max(max(stress.random, stress.adversarial) - allowed, stress.inputs - made.guarantee.input_bound)
     return _check(f"excess over the bound, {label}", max(excess, 0.0), 0.0, 1e-9)
 
 
@@ -269,43 +261,6 @@ def _page_gamma(made: DelayedDesign, model: Model) -> float:
         return made.guarantee.gamma
     found = solve_lmi(model, window_of(model, made.guarantee.delay), np.eye(3), PAGE_A)
     return float("nan") if found is None else float(np.sqrt(found.mu))
-
-
-def _stress(made: DelayedDesign, model: Model, generator: np.random.Generator) -> Stress:
-    """Run plant and observer from rest under random and optimised inputs with |w| <= 1."""
-    if made.guarantee is None or made.L is None:
-        raise TypeError(made.verdict)
-    angle = generator.uniform(0.0, 2.0 * np.pi, (RANDOM_STEPS, RANDOM_RUNS))
-    angle[:, ::2] = np.round(angle[:, ::2] * 2.0 / np.pi) * np.pi / 2.0  # half of them jump between four corners
-    random = float(np.max(_errors(made, model, np.stack([np.cos(angle), np.sin(angle)]))))
-    response = respond(model, window_of(model, made.guarantee.delay), made.L, np.eye(3))
-    worst = [response.worst(start)[1] for start in generator.standard_normal((ADVERSARIAL_RUNS, 3))]
-    inputs = np.stack(worst, axis=2).transpose(1, 0, 2)
-    rest = np.zeros((2, 1, ADVERSARIAL_RUNS))  # without delay, the error of an input shows one sample later
-    errors = _errors(made, model, np.concatenate([inputs, rest], axis=1))
-    run_index = int(np.argmax(np.max(errors, axis=0)))
-    return Stress(random=random, adversarial=float(np.max(errors)), trajectory=errors[:, run_index])
-
-
-def _errors(made: DelayedDesign, model: Model, w: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(steps, runs) |e| of runs that start at rest; w (2, steps, runs)."""
-    if made.observer is None or made.guarantee is None:
-        raise TypeError(made.verdict)
-    x, known = np.zeros((3, w.shape[2])), np.zeros((3, 1))
-    if isinstance(made.observer, ConstantInput):
-        known = model.B_u[:, :1]  # the operating point
-        x = x + np.linalg.solve(np.eye(3) - model.A, known)
-    states, estimates = [], []
-    started = made.observer.init((), tuple(model.C @ x))
-    memory: Vector = (*x, *started[3:])  # without a first error, which the bounds in the limit do not count
-    for step in range(w.shape[1]):
-        memory, output = made.observer.step(memory, (), tuple(model.C @ x))
-        states.append(x)
-        estimates.append(np.stack([np.broadcast_to(one, x.shape[1:]) for one in output.estimate]))
-        x = model.A @ x + model.B @ w[:, step] + known
-    lag = made.guarantee.lag
-    misfit = np.array(estimates[lag:]) - np.array(states[: len(states) - lag])
-    return np.asarray(np.linalg.norm(misfit, axis=1))
 
 
 def _bound_errors(seed: int, records: tuple[int, ...], seeds: int) -> NDArray[np.float64]:
