@@ -6,12 +6,15 @@ import json
 import os
 import subprocess
 import sys
+import time
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from mcap.reader import make_reader
 
-from dcmg_bringup.domain import choose_domain
+from bags.bag import open_bag
+from bags.golden import golden_path
+from dcmg_bringup.domain import choose_domain, running_systems
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -39,6 +42,13 @@ while time.monotonic() < until and not (len(found["/lab/output"]) >= wanted <= l
     rclpy.spin_once(node, timeout_sec=0.1)
 print(json.dumps(found))
 """
+
+
+def _wait_until(condition: Callable[[], bool]) -> None:
+    deadline = time.monotonic() + 60.0
+    while not condition():
+        assert time.monotonic() < deadline, "the awaited condition did not come true"
+        time.sleep(0.02)  # the pace of polling, not a wait
 
 
 def _payloads(bag: Path, topic: str) -> list[str]:
@@ -95,3 +105,39 @@ def test_listeners_of_any_kind_get_everything(
     document = json.loads(done.out)
     assert "/dgu_1/state" not in document["topics"]
     assert document["left_out"] == {}
+
+
+def test_a_replay_is_steered_from_elsewhere(dcmg: Callable[..., Any]) -> None:
+    """Started paused, a replay goes on by three steps when told to, and to its end when told to."""
+    with choose_domain() as domain:
+        pass  # free, and nobody else takes it for a second
+    bag = golden_path("biased")
+    command = [
+        sys.executable,
+        "-m",
+        "dcmg_bringup.cli",
+        "replay",
+        str(bag),
+        "--publish",
+        "--paused",
+        "--rate",
+        "max",
+        "--domain",
+        str(domain),
+        "--json",
+    ]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            _wait_until(lambda: any(system.domain == domain for system in running_systems()))
+            stepped = dcmg("player", "step", "3", "--domain", domain)
+            assert stepped.code == 0, stepped.err
+            _wait_until(lambda: dcmg("player", "status", "--domain", domain).out.startswith("t = 0.02 s"))
+            resumed = dcmg("player", "resume", "--domain", domain)
+            assert resumed.code == 0, resumed.err
+            out, err = process.communicate(timeout=60.0)
+        finally:
+            process.kill()
+    assert process.returncode == 0, err
+    document = json.loads(out)
+    assert document["messages"] == sum(topic.count for topic in open_bag(bag).topics.values())
+    assert not document["interrupted"]

@@ -15,7 +15,7 @@ from dcmg_bringup.replay_publish import REPLAY
 if TYPE_CHECKING:
     from dcmg_msgs.srv import ControlReplay
 
-_FIND_SEC = _ANSWER_SEC = 5.0
+_FIND_SEC, _ANSWER_SEC = 10.0, 5.0
 
 app = typer.Typer(no_args_is_help=True, help="Steer a replay that publishes (`dcmg replay --publish`).")
 
