@@ -11,16 +11,17 @@ from typing import Any, Protocol, final
 import numpy as np
 from numpy.typing import NDArray
 
+from bags.monitor_blocks import run_monitor
 from bags.schema import RunTopics
+from bags.stacked_observer import StackedObserver
 from dgu_sim.grid import Link
 from dgu_sim.settings import MonitorSettings
 from monitor import detectors, observers
 from monitor.delayed import ConstantInput
 from monitor.detectors import Detector, Phase
 from monitor.history import History
-from monitor.linear import Component, Vector, matvec
 from monitor.link_monitor import LinkMonitor, MonitorOutput, MonitorState
-from monitor.observers import Design, Estimate, LinearObserver, Observer
+from monitor.observers import Design, LinearObserver, Observer
 
 _WIDTH = 3  # components of a received output
 
@@ -39,38 +40,6 @@ class Watching(Protocol):
     @property
     def blind(self) -> bool:
         """Whether its residual shows nothing."""
-
-
-@final
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StackedObserver:
-    """Linear observers of equal shape side by side: `LinearObserver` with matrices of components over links.
-
-    Attributes:
-        whole: [H J; M D; A B] of each link, shape (p + n + q, q + m + p, links).
-        start: Z of each link, shape (q, m + p, links).
-        inputs: m.
-        outputs: p.
-        states: n.
-        lag: Steps by which the estimate lags the newest sample.
-    """
-
-    whole: NDArray[np.float64]
-    start: NDArray[np.float64]
-    inputs: int
-    outputs: int
-    states: int
-    lag: int = 0
-
-    def init(self, u: Sequence[Component], y: Sequence[Component]) -> Vector:
-        """State before the first sample is used."""
-        return matvec(self.start, (*u, *y))
-
-    def step(self, state: Vector, u: Sequence[Component], y: Sequence[Component]) -> tuple[Vector, Estimate]:
-        """Estimate x_t and the residual from the samples up to t, and advance."""
-        out = matvec(self.whole, (*state, *u, *y))
-        known = self.outputs + self.states
-        return out[known:], Estimate(estimate=out[self.outputs : known], residual=out[: self.outputs])
 
 
 @final
@@ -254,16 +223,9 @@ def _run_group(
     arrays: MonitorArrays,
 ) -> MonitorState:
     """Step one group through all samples and write its conclusions into the arrays of all links."""
-    step = group.monitor.step
     y = np.ascontiguousarray(received[:, group.positions].swapaxes(1, 2))  # (steps, 3, group)
     arrived = np.ascontiguousarray(delivered[:, group.positions])
-    numbers = np.empty((len(y), 3, _WIDTH, y.shape[2]))
-    phase, alarm = np.empty(arrived.shape, dtype=np.uint8), np.empty(arrived.shape, dtype=np.bool_)
-    for k in range(len(y)):
-        state, output = step(state, y[k], arrived[k])
-        phase[k], alarm[k] = output.phase, output.alarm
-        for kind, vector in enumerate((output.estimate, output.residual, output.threshold)):
-            numbers[k, kind, 0], numbers[k, kind, 1], numbers[k, kind, 2] = vector
+    state, (phase, alarm, numbers) = run_monitor(group.monitor, state, y, arrived)
     arrays.phase[:, group.positions] = phase
     arrays.alarm[:, group.positions] = alarm
     for kind, target in enumerate((arrays.estimate, arrays.residual, arrays.threshold)):

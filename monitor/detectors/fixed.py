@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
+import numpy as np
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
@@ -16,6 +17,8 @@ from monitor.options import parse_options
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
+
+    from numpy.typing import NDArray
 
     from monitor.linear import Component, Count, Flag, Vector
 
@@ -108,6 +111,27 @@ class FixedDetector:
         phase = Phase.SETTLING.value + learning + 2 * armed
         return following, Verdict(phase, following.threshold, armed & alarm)
 
+    def block(self, state: FixedState, residual: NDArray[np.float64]) -> tuple[FixedState, Verdict]:
+        """Take many residuals at once, none of them missing: the bits of `step`."""
+        steps, _, links = shape = residual.shape
+        age = state.age + np.arange(1, steps + 1)[:, None] + np.zeros(links, dtype=np.int64)
+        settled = age > self.settle_steps
+        # whatever has settled stays so, and learns until that is enough
+        learning = settled & (state.learned + np.cumsum(settled, axis=0) - settled < self.calibrate_steps)
+        learned = state.learned + np.cumsum(learning, axis=0)
+        armed = settled & (learned - learning >= self.calibrate_steps)
+        peak, threshold = state.peak, np.broadcast_to(_spread(state.threshold, links), shape)
+        if learning.any():
+            seen = np.maximum.accumulate(np.where(learning[:, None], abs(residual), 0.0), axis=0)
+            peaks = np.maximum(_spread(state.peak, links), seen)
+            least = np.array(self._floor(residual.shape[1]))[:, None]
+            complete = (learned >= self.calibrate_steps)[:, None]
+            threshold = np.where(complete, larger(self.margin * peaks, least), float("nan"))
+            peak = tuple(peaks[-1])
+        alarm = armed & (abs(residual) > threshold).any(axis=1)
+        following = FixedState(age[-1], learned[-1], peak, tuple(threshold[-1]))
+        return following, Verdict(Phase.SETTLING.value + learning + 2 * armed, threshold, alarm)
+
     def _learn(self, state: FixedState, learning: Flag, magnitude: tuple[Component, ...]) -> FixedState:
         """Take the magnitudes into the peaks and set the thresholds when enough is seen."""
         learned = state.learned + learning
@@ -127,6 +151,11 @@ class FixedDetector:
         if len(floor) != outputs:
             raise MonitorError(f"{KIND}: floor has {len(floor)} components, expected 1 or {outputs}")
         return floor
+
+
+def _spread(vector: Vector, links: int) -> NDArray[np.float64]:
+    """Components as an array, shape (components, links)."""
+    return np.stack([np.broadcast_to(np.asarray(component, dtype=np.float64), (links,)) for component in vector])
 
 
 def build(options: Mapping[str, object], sampling_period_sec: float) -> FixedDetector:

@@ -6,6 +6,9 @@ from enum import IntEnum
 from typing import TYPE_CHECKING, Any, NamedTuple, Protocol, TypeVar, runtime_checkable
 
 if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
     from monitor.linear import Count, Flag, Vector
     from monitor.observers.protocol import Observer
 
@@ -48,6 +51,17 @@ class Detector(Protocol[State]):
 
     def step(self, state: State, residual: Vector) -> tuple[State, Verdict]:
         """Take the next residual."""
+
+
+@runtime_checkable
+class BlockDetector(Protocol):
+    """A detector that judges many residuals at once, for runs that are evaluated offline."""
+
+    def block(self, state: Any, residual: NDArray[np.float64]) -> tuple[Any, Verdict]:  # noqa: ANN401 - its own state
+        """Take residuals none of which is missing, shape (steps, p, links): the bits of `step`, one after the other.
+
+        The verdict's arrays have the steps as their first axis.
+        """
 
 
 @runtime_checkable

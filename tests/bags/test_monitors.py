@@ -9,10 +9,11 @@ from bags.convert import history_of, history_records
 from bags.monitors import RunMonitors, alarm_changes, design_monitors
 from bags.replay import histories_of
 from bags.run_record import RunRecord
+from dgu_sim.detector_defaults import DETECTORS
 from dgu_sim.experiment import run_experiments
 from dgu_sim.grid import Link
 from dgu_sim.scenario import Scenario
-from dgu_sim.settings import ObserverSettings
+from dgu_sim.settings import DetectorSettings, ObserverSettings
 from monitor import detectors
 from monitor.history import Experiment, History
 from monitor.link_monitor import LinkMonitor
@@ -100,3 +101,27 @@ def test_alarm_changes_are_in_order() -> None:
     alarm = np.array([[True, False, True], [True, True, False], [True, True, False]])
     before = np.array([True, False, False])
     assert alarm_changes(alarm, before, links) == [(0, 2), (1, 1), (1, 2)]
+
+
+@pytest.mark.parametrize("kind", list(detectors.KINDS))
+def test_detectors_judge_many_steps_as_they_judge_each(kind: str, record: RunRecord, scenario: Scenario) -> None:
+    """Whatever the detector, a run evaluated at once has the bits of one evaluated step by step."""
+    short = {"settle_sec": 0.1, "calibrate_sec": 0.5}
+    needed: dict[str, dict[str, object]] = {
+        "n_of_m": {"options": short},
+        "calibrated": {"rate": 0.1},
+        "noise_bound": {"noise": 0.05},
+    }
+    options: dict[str, object] = {name: short[name] for name in short if name in DETECTORS[kind]}
+    options |= needed.get(kind, {})
+    chosen = scenario.monitor.model_copy(update={"detector": DetectorSettings(kind=kind, options=options)})
+    monitors = design_monitors(record.topics, chosen, histories_of(record))
+    received, delivered = record.received[90:220].copy(), record.delivered[90:220].copy()
+    received[70, 2], delivered[70, 2] = np.nan, False
+    _, together = monitors.run(monitors.init(), received, delivered)
+    states = monitors.init()
+    for step in range(len(received)):
+        states, alone = monitors.run(states, received[step : step + 1], delivered[step : step + 1])
+        for name in ("phase", "alarm", "estimate", "residual", "threshold"):
+            assert getattr(alone, name)[0].tobytes() == getattr(together, name)[step].tobytes(), (step, name)
+    assert together.phase[-1].tolist() == [3, 3, 3, 3]
