@@ -126,12 +126,9 @@ class _Builder:
 
     def _monitor(self, dgu: int) -> Ports:
         config = MonitorConfig(
-            observer=(self._scenario.monitor.observer.kind, self._scenario.monitor.observer.options),
-            detector=(self._scenario.monitor.detector.kind, self._scenario.monitor.detector.options),
-            sampling_period_sec=self._scenario.sampling_period_sec,
+            plan=plan_of(self._scenario.monitor, self._scenario.sampling_period_sec),
             steps=self._scenario.steps,
             newest=self._scenario.receiver.accept is Accept.NEWEST,
-            combined=plan_of(self._scenario.monitor, self._scenario.sampling_period_sec),
         )
         return MonitorNode(self._wiring, self._host, dgu, config).ports
 
