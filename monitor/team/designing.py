@@ -140,7 +140,6 @@ def _team(
     members = tuple(
         Member(
             observer=observers[at] if observers else None,
-            position=at,
             team=len(plan.members),
             channels=channels[at],
             detector=detector,

@@ -79,7 +79,6 @@ class Member:
 
     Attributes:
         observer: None when the design was refused.
-        position: of this member among the members.
         team: number of members.
         channels: positions of the outputs used in what the member measures.
         detector: on the disagreement with one neighbour, 3 components.
@@ -89,7 +88,6 @@ class Member:
     """
 
     observer: NodeObserver | None
-    position: int
     team: int
     channels: tuple[int, ...]
     detector: Detector[Any]
@@ -197,7 +195,10 @@ class Member:
 
 def _mean(vectors: Sequence[Sequence[float]]) -> tuple[float, ...]:
     share = 1.0 / len(vectors)
-    return tuple([share * sum(components, 0.0) for components in zip(*vectors, strict=True)])
+    total = (0.0,) * len(vectors[0])
+    for vector in vectors:  # not sum(): it rounds differently from Python 3.12 on
+        total = tuple([one + two for one, two in zip(total, vector, strict=True)])
+    return tuple([share * one for one in total])
 
 
 def _apart(theirs: Sequence[float], own: Sequence[float]) -> tuple[float, ...]:
