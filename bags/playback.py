@@ -8,6 +8,7 @@ from typing import NamedTuple, final
 from bags.errors import BagError
 from bags.played import CDR, PlayedTopic, Source, open_source
 from bags.recording import TopicFilter
+from bags.schema import SECOND_PUBLISHER
 
 CLOCK_TOPIC = "/clock"
 
@@ -91,6 +92,11 @@ class Playback:
         if waiting:
             yield Moment(time_ns, waiting)
 
+    def stamps(self, topic: str) -> Iterator[int]:
+        """Stamps of the messages of one topic [ns], in the order of the bag."""
+        if topic in self.topics:
+            yield from (message.time_ns for message in self._source.messages([topic], self.start_ns, self.end_ns))
+
     def _latched_before(self) -> list[tuple[str, bytes]]:
         found = [(name, data) for name, messages in self._replaced.items() for data in messages if name in self.topics]
         latched = [name for name, topic in self.topics.items() if topic.latched and name not in self._replaced]
@@ -136,10 +142,15 @@ def open_playback(path: Path, selection: Selection) -> Playback:
         path=path,
         topics=topics,
         left_out=left_out,
-        names={name: selection.remap.get(name, name) for name in topics},
+        names={name: selection.remap.get(name, _on_the_wire(name)) for name in topics},
         start_ns=start_ns,
         end_ns=end_ns,
         attachments=source.attachments,
         _source=source,
         _replaced=dict(selection.replaced),
     )
+
+
+def _on_the_wire(name: str) -> str:
+    """Topic on which messages were that a bag keeps apart, because it does not tell publishers apart."""
+    return name.removesuffix(f"/{SECOND_PUBLISHER}")

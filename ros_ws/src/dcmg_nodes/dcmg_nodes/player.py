@@ -20,7 +20,7 @@ from dcmg_nodes.options import ExecutorKind
 from dcmg_nodes.pace import Pace
 from dcmg_nodes.player_node import PlayerNode
 from dcmg_nodes.playing import Played
-from dcmg_nodes.stand_in import StandIn, live_topics
+from dcmg_nodes.stand_in import StandIn, doubled_steps, live_topics
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Sequence
@@ -68,7 +68,10 @@ class _Player:
         # live nodes hold the replay back themselves; who else listens cannot fall behind further than their window
         self._node = PlayerNode(playback, names, 0 if options.live else options.queue, self._control)
         stack.callback(self._node.node.destroy_node)
-        self._stand_in = StandIn(self._node.node, options.wiring, options.live) if options.wiring else None
+        self._stand_in: StandIn | None = None
+        if options.wiring is not None:
+            doubled = doubled_steps(options.wiring, playback)
+            self._stand_in = StandIn(self._node.node, options.wiring, options.live, doubled)
         self._executor: Executor = make_executor(ExecutorKind.EVENTS, self._node.node)
         stack.callback(self._executor.shutdown)
         self._held = names
@@ -87,6 +90,9 @@ class _Player:
         self._publish(Moment(first.time_ns, [one for one in first.messages if topics[one[0]].latched]))
         rest = Moment(first.time_ns, [one for one in first.messages if not topics[one[0]].latched])
         self._wait_for_listeners()
+        if self._stand_in is not None:
+            self._stand_in.ask()
+            self._wait_for_listeners()
         start = time.perf_counter()
         self._pace.start(time.monotonic(), self._playback.start_ns)
         for moment in chain([rest], moments):

@@ -10,21 +10,23 @@ from collections import deque
 from functools import partial
 from typing import TYPE_CHECKING
 
-from dcmg_msgs.msg import NodeDone, Ready, RunEnd
+from dcmg_msgs.msg import NodeDone, Ready, RunEnd, SecondPublisher
 from rclpy.task import Future
 
 from bags.topic import TopicKind
 from dcmg_nodes.ports import CONTROL_QOS, data_qos, message_class
-from dcmg_nodes.wiring import DONE, END, READY
+from dcmg_nodes.wiring import DONE, END, READY, SECOND, SECOND_MATCHED
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Mapping, Sequence
 
     from rclpy.node import Node
     from rclpy.subscription import Subscription
 
+    from bags.playback import Playback
     from bags.topic import Topic
     from dcmg_nodes.wiring import Wiring
+    from dgu_sim.grid import Link
 
 WINDOW = 16  # steps ahead of the slowest node; far below the queue depth of a topic
 
@@ -36,9 +38,12 @@ class StandIn:
         node: the player's.
         wiring: static graph of the recorded run.
         live: names of the nodes that run on the replayed data.
+        doubled: steps [start, stop) in which a second publisher speaks on a link.
     """
 
-    def __init__(self, node: Node, wiring: Wiring, live: Sequence[str]) -> None:
+    def __init__(
+        self, node: Node, wiring: Wiring, live: Sequence[str], doubled: Mapping[Link, Sequence[tuple[int, int]]]
+    ) -> None:
         """Subscribe to what the live nodes publish, as often as they expect."""
         self._progress: Future = Future()
         self._period_ns = wiring.topics.sampling_period_ns
@@ -63,14 +68,26 @@ class StandIn:
             for number in range(max(absent, 1)):
                 receive = _ignore if number else partial(self._receive, topic.name)
                 self._subscriptions.append(node.create_subscription(kind, topic.name, receive, qos, raw=True))
+        told = [(link, first, end) for link, intervals in doubled.items() for first, end in intervals]
+        self._doubled = [
+            (
+                link,
+                SecondPublisher(number=number, source=link.source, target=link.target, first_step=first, end_step=end),
+            )
+            for number, (link, first, end) in enumerate(told, start=1)
+        ]
+        self._readers = {link: set(wiring.readers(wiring.topics.received(link).topic)) & set(live) for link in doubled}
+        self._unanswered: set[tuple[int, str]] = set()
+        self._question = node.create_publisher(SecondPublisher, SECOND, CONTROL_QOS)
+        self._answers = node.create_subscription(SecondPublisher, SECOND_MATCHED, self._on_answer, CONTROL_QOS)
         self._ready = node.create_subscription(Ready, READY, self._on_ready, CONTROL_QOS)
         self._done = node.create_subscription(NodeDone, DONE, lambda _message: None, CONTROL_QOS)
         self._end = node.create_publisher(RunEnd, END, CONTROL_QOS)
 
     @property
     def not_ready(self) -> tuple[str, ...]:
-        """Names of the live nodes that have not announced themselves."""
-        return tuple(sorted(self._waiting))
+        """Names of the live nodes that have not announced themselves, or not answered."""
+        return tuple(sorted(self._waiting | {node for _, node in self._unanswered}))
 
     @property
     def needed(self) -> dict[str, int]:
@@ -123,6 +140,15 @@ class StandIn:
         count: int = self._end.get_subscription_count()
         return count
 
+    def ask(self) -> None:
+        """Tell the readers of spoofed links of which steps there will be two messages, as the attacker did."""
+        for link, question in self._doubled:
+            self._unanswered |= {(question.number, reader) for reader in self._readers[link]}
+            self._question.publish(question)
+
+    def _on_answer(self, answer: SecondPublisher) -> None:
+        self._unanswered.discard((answer.number, answer.node))
+
     def _on_ready(self, message: Ready) -> None:
         self._waiting.discard(message.node)
 
@@ -148,6 +174,29 @@ def live_topics(wiring: Wiring, live: Sequence[str]) -> tuple[list[Topic], list[
     held = [topic for topic in wiring.topics.all if set(topic.publishers) & set(live)]
     read = [topic for topic in wiring.topics.all if set(wiring.readers(topic)) & set(live)]
     return held, [topic for topic in read if topic not in held]
+
+
+def doubled_steps(wiring: Wiring, playback: Playback) -> dict[Link, list[tuple[int, int]]]:
+    """Steps [start, stop) of which a bag has messages of a second publisher, by link."""
+    period_ns = wiring.topics.sampling_period_ns
+    found = {}
+    for link in wiring.topics.links:
+        steps = (stamp // period_ns for stamp in playback.stamps(wiring.topics.second(link).topic.name))
+        intervals = intervals_of(steps)
+        if intervals:
+            found[link] = intervals
+    return found
+
+
+def intervals_of(steps: Iterable[int]) -> list[tuple[int, int]]:
+    """Ascending steps as intervals [start, stop)."""
+    found: list[tuple[int, int]] = []
+    for step in steps:
+        if found and step <= found[-1][1]:
+            found[-1] = (found[-1][0], max(found[-1][1], step + 1))
+        else:
+            found.append((step, step + 1))
+    return found
 
 
 def _ignore(_data: bytes) -> None:
