@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from typing import TYPE_CHECKING
 
 import pytest
@@ -41,7 +42,7 @@ def test_intervals_hold_the_steps(steps: set[int]) -> None:
     """Intervals cover the steps, nothing else, and do not touch."""
     found = intervals_of(sorted(steps))
     assert {step for first, end in found for step in range(first, end)} == steps
-    assert all(end < later for (_, end), (later, _) in zip(found, found[1:], strict=False))
+    assert all(end < later for (_, end), (later, _) in itertools.pairwise(found))
 
 
 def test_spoofed_steps_are_found_in_the_bag(scenario: Scenario, wiring: Wiring, tmp_path: Path) -> None:
