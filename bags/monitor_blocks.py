@@ -32,7 +32,7 @@ def run_monitor(
     """
     steps, width, links = y.shape
     phase, alarm = np.empty((steps, links), dtype=np.uint8), np.empty((steps, links), dtype=np.bool_)
-    numbers = np.empty((steps, 3, width, links))
+    numbers = np.full((steps, 3, width, links), np.nan)  # plants of others may have fewer states
     gaps = np.flatnonzero(~(delivered & np.isfinite(y).all(axis=1)).all(axis=1))
     whole = isinstance(monitor.observer, StackedObserver) and not monitor.blind and monitor.observer.states == width
     k = 0

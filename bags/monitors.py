@@ -11,6 +11,7 @@ from typing import Any, Protocol, final
 import numpy as np
 from numpy.typing import NDArray
 
+from bags.errors import BagError
 from bags.monitor_blocks import run_monitor
 from bags.schema import RunTopics
 from bags.stacked_observer import StackedObserver
@@ -129,8 +130,15 @@ def design_monitors(topics: RunTopics, settings: MonitorSettings, histories: Map
         histories: History of each DGU.
 
     Raises:
+        BagError: A history has more states than a message carries.
         monitor.errors.MonitorError: Unknown kind or option.
     """
+    for source, history in histories.items():
+        if history.states > _WIDTH:
+            raise BagError(
+                f"the history of DGU {source} has {history.states} states, expected at most {_WIDTH}: a "
+                "dcmg_msgs/Residual carries no more"
+            )
     kind, options = settings.observer.kind, settings.observer.options
     by_source = {
         source: observers.design(kind, histories[source], options)

@@ -188,7 +188,9 @@ def histories_of(record: RunRecord) -> dict[int, History]:
     found: dict[int, History] = {}
     for dgu in sorted({link.source for link in record.links}):
         experiments = [one for one in record.histories if one.dgu == dgu]
-        announced = experiments[0].experiments if experiments else 1
+        if not experiments:
+            raise BagError(f"{record.path}: holds no history of DGU {dgu}, expected one: `--history` names another bag")
+        announced = experiments[0].experiments
         if len(experiments) != announced:
             raise BagError(f"{record.path}: {len(experiments)} experiments of DGU {dgu}, expected {announced}")
         found[dgu] = history_of(experiments)

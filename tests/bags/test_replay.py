@@ -64,7 +64,7 @@ def test_incomplete_bags_are_named(record: RunRecord) -> None:
     """Without its scenario or a history a run cannot be monitored again."""
     with pytest.raises(BagError, match=r"holds no scenario.yaml"):
         replay(replace(record, attachments={}))
-    with pytest.raises(BagError, match="0 experiments of DGU 2, expected 1"):
+    with pytest.raises(BagError, match="holds no history of DGU 2, expected one"):
         replay(replace(record, histories=tuple(one for one in record.histories if one.dgu != 2)))
 
 

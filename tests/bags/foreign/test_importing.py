@@ -119,7 +119,7 @@ def test_streams_are_runs_without_ground_truth(write_arrays: Callable[..., Path]
     assert {MAPPING_ATTACHMENT, REPORT_ATTACHMENT, "monitor.yaml", "versions.json"} <= set(run.attachments)
     assert json.loads(run.attachments[REPORT_ATTACHMENT])["sampling"]["streams"]["rows"] == 7
     assert check(out).clean
-    with pytest.raises(BagError, match="0 experiments of DGU 1, expected 1"):
+    with pytest.raises(BagError, match="holds no history of DGU 1, expected one"):
         replay(import_streams(source, mapping_of({"streams": streams[:1]}, "test"), tmp_path / "bare").out)
 
 

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bags.errors import BagError
-from bags.foreign.importing import import_streams
+from bags.foreign.importing import import_histories, import_streams
 from bags.foreign.live import Early, LiveState, live_sampling
 from bags.foreign.mapping import Mapping, mapping_of
 from bags.foreign.sampling import Row
@@ -116,6 +116,39 @@ def test_live_is_as_imported_and_replayed(
     assert step == expected.steps
     assert {Phase.SETTLING.value, Phase.ARMED.value} <= phases
     assert expected.alarm.any()
+
+
+def test_plants_of_two_states(write_arrays: Callable[..., Path], tmp_path: Path) -> None:
+    """Whoever's plant it is: two states, two outputs, live as replayed; what a message cannot carry is NaN."""
+    generator = np.random.default_rng(4)
+    A, E = np.array([[0.9, 0.2], [-0.1, 0.7]]), np.array([1.0, 0.5])
+    x = [np.array([1.0, -1.0])]
+    for _ in range(399):
+        x.append(A @ x[-1] + E * generator.uniform(-1.0, 1.0))
+    rows = [[*row, 2.0 * row[0]] for row in x]
+    rows[350:] = [[V + 0.5, current, other] for V, current, other in rows[350:]]
+    source = write_arrays({"/a": ([step * T for step in range(400)], rows)})
+    y = ["/a.data[0]", "/a.data[1]"]
+    data = {"histories": [{"dgu": 5, "y": y, "stop_sec": 1.0}], "streams": [{"link": "5-6", "y": y}], "start_sec": 1.0}
+    options = {"settle_sec": 0.1, "calibrate_sec": 0.5}
+    mapping = mapping_of({**data, "monitor": {"detector": {"kind": "fixed", "options": options}}}, "test")
+    import_histories(source, mapping, tmp_path / "history")
+    found = replay(import_streams(source, mapping, tmp_path / "stream", tmp_path / "history").out)
+    assert [one.step for one in found.alarms][:1] == [250]
+    assert np.isnan(found.estimate[:, 0, 2]).all()
+    assert np.isfinite(found.estimate[10:, 0, :2]).all()
+    monitors = stream_monitors(mapping, "test", tmp_path / "history")
+    states = monitors.init()
+    for step, values in enumerate(rows[100:]):
+        states, ((_, output),) = monitors.step(states, Row(0, ((values[0], values[1]),)))
+        np.testing.assert_array_equal(output.residual, found.residual[step, 0])
+        np.testing.assert_array_equal(output.estimate, found.estimate[step, 0])
+    wide = mapping_of({"histories": [{"dgu": 5, "y": y, "x": [*y, *y]}], "streams": data["streams"]}, "test")
+    import_histories(source, wide, tmp_path / "wide")
+    with pytest.raises(BagError, match="the history of DGU 5 has 4 states, expected at most 3"):
+        stream_monitors(wide, "test", tmp_path / "wide")
+    with pytest.raises(BagError, match="the history of DGU 5 has 4 states, expected at most 3"):
+        replay(import_streams(source, wide, tmp_path / "wider", tmp_path / "wide").out)
 
 
 def test_what_does_not_fit_is_one_line(bag: Path, tmp_path: Path, write_arrays: Callable[..., Path]) -> None:
