@@ -91,21 +91,7 @@ def put_on_grid(
     period = period_ns or _detected(source, found[0])
     looks = tuple(regularity(one.name, one.stamps_ns, one.values, period) for one in found)
     _check_rates(source, looks, settings.policy, period)
-    first, last = max(looks, key=lambda one: one.start_ns), min(looks, key=lambda one: one.end_ns)
-    if first.start_ns > last.end_ns:
-        gap_sec = (first.start_ns - last.end_ns) * 1e-9
-        raise BagError(
-            f"{source}: no overlap in time, {first.name} begins {gap_sec:g} s after the end of {last.name}: "
-            "record them together, or see key stamps for the clock that counts"
-        )
-    start = first.start_ns if common else min(one.start_ns for one in looks)
-    end = last.end_ns if common else max(one.end_ns for one in looks)
-    messages = sum(one.messages for one in looks)
-    if (end - start) // period > _MOST_ROWS_A_MESSAGE * messages:
-        raise BagError(
-            f"{source}: {messages} messages in {(end - start) * 1e-9:g} s, expected about one each "
-            f"{period * 1e-9:g} s: do the stamps jump?"
-        )
+    start, end = _span(source, looks, period, common=common)
     sampler = Sampler(
         tracks=len(found),
         period_ns=period,
@@ -157,6 +143,26 @@ def _detected(source: Path, recording: Recording) -> int:
             f"{len(np.unique(recording.stamps_ns))} instants, expected two or more to detect the sampling period"
         )
     return period
+
+
+def _span(source: Path, looks: Sequence[Regularity], period_ns: int, *, common: bool) -> tuple[int, int]:
+    """First and last instant [ns] of the common time, or of all of it."""
+    first, last = max(looks, key=lambda one: one.start_ns), min(looks, key=lambda one: one.end_ns)
+    if first.start_ns > last.end_ns:
+        gap_sec = (first.start_ns - last.end_ns) * 1e-9
+        raise BagError(
+            f"{source}: no overlap in time, {first.name} begins {gap_sec:g} s after the end of {last.name}: "
+            "record them together, or see key stamps for the clock that counts"
+        )
+    start = first.start_ns if common else min(one.start_ns for one in looks)
+    end = last.end_ns if common else max(one.end_ns for one in looks)
+    messages = sum(one.messages for one in looks)
+    if (end - start) // period_ns > _MOST_ROWS_A_MESSAGE * messages:
+        raise BagError(
+            f"{source}: {messages} messages in {(end - start) * 1e-9:g} s, expected about one each "
+            f"{period_ns * 1e-9:g} s: do the stamps jump?"
+        )
+    return start, end
 
 
 def _check_rates(source: Path, looks: Sequence[Regularity], policy: Policy, period_ns: int) -> None:

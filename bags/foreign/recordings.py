@@ -1,5 +1,6 @@
 """What foreign files say about the wanted numbers, as arrays: bags of any origin, CSV and Parquet."""
 
+from array import array
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -86,7 +87,8 @@ def read_recordings(
         times = np.array(stamps[topic], dtype=np.int64)
         if by_header and not times.any():
             raise BagError(f"{source}: every header stamp on {topic} is 0, expected instants: use stamps: recorded")
-        found.append(Recording(name=topic, fields=names, stamps_ns=times, values=np.array(values[topic])))
+        numbers = np.array(values[topic]).reshape(len(times), len(names))
+        found.append(Recording(name=topic, fields=names, stamps_ns=times, values=numbers))
     return found
 
 
@@ -152,9 +154,10 @@ def _messages(
     *,
     by_header: bool,
     progress: Callable[[int, int], None],
-) -> tuple[dict[str, list[int]], dict[str, list[list[float]]]]:
-    stamps: dict[str, list[int]] = {topic: [] for topic in paths}
-    values: dict[str, list[list[float]]] = {topic: [] for topic in paths}
+) -> tuple[dict[str, "array[int]"], dict[str, "array[float]"]]:
+    """Stamps and, one message after the other, values of each topic."""
+    stamps = {topic: array("q") for topic in paths}
+    values = {topic: array("d") for topic in paths}
     total = sum(one.msgcount for one in connections)
     for number, (connection, recorded_ns, data) in enumerate(reader.messages(connections)):
         message: Any = reader.deserialize(data, connection.msgtype)
@@ -162,7 +165,7 @@ def _messages(
         if by_header:
             stamp = stamp_of(message)
         with _named(source, recorded_ns):
-            values[connection.topic].append([path.read(message) for path in paths[connection.topic]])
+            values[connection.topic].extend([path.read(message) for path in paths[connection.topic]])
         stamps[connection.topic].append(stamp)
         if number % _REPORT_EVERY == 0:
             progress(number, total)

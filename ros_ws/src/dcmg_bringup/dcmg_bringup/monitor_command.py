@@ -54,6 +54,7 @@ def monitor(
         return
     typer.echo(f"{outcome.steps} samples, {outcome.alarms} alarm(s)", err=True)
     for count, what in (
+        (outcome.missing, "samples are missing"),
         (outcome.late, "messages came too late or out of order and were dropped"),
         (outcome.irregular, "messages were at no instant of the grid and count as missing: see sampling.policy"),
         (outcome.restarts, "times the stamps jumped and the grid started anew"),

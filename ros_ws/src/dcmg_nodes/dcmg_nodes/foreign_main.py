@@ -35,6 +35,7 @@ class ForeignOutcome:
     Attributes:
         steps: samples taken.
         alarms: alarms that started.
+        missing: samples that did not come, on all links together.
         late: messages dropped because they came too late or out of order.
         irregular: messages at no instant of the grid, which count as missing.
         restarts: how often the stamps jumped.
@@ -42,6 +43,7 @@ class ForeignOutcome:
 
     steps: int
     alarms: int
+    missing: int
     late: int
     irregular: int
     restarts: int
@@ -95,6 +97,7 @@ def watch_foreign_topics(
     return ForeignOutcome(
         steps=node.step,
         alarms=node.alarms,
+        missing=node.missing,
         late=sampler.late if sampler else 0,
         irregular=sampler.irregular if sampler else 0,
         restarts=node.intake.state.restarts,

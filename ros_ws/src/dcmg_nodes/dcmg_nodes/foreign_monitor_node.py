@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import partial
 from typing import TYPE_CHECKING
 
 from rclpy.node import Node
@@ -63,9 +64,9 @@ class ForeignMonitorNode:
         self._streams = StreamWatch(self._received)
         self._publishers: dict[str, Publisher] = {}
         self._alarmed = [False] * len(topics.links)
+        self._missed = [0] * len(topics.links)
         self._states = monitors.init()
-        self.step = 0
-        self.alarms = 0
+        self.step, self.alarms, self.missing = 0, 0, 0
         for link, record in zip(topics.links, monitors.designs, strict=True):
             codec = topics.design(link)
             self._publish(codec.topic, codec.encode(record))
@@ -75,12 +76,9 @@ class ForeignMonitorNode:
             monitors.fields,
             topics.sampling_period_ns,
             on_rows=self._conclude,
-            on_failure=self._fail,
+            on_failure=partial(lifetime.fail, NAME),
         )
         self._giving_up = self.node.create_timer(config.wait_sec, self._give_up)
-
-    def _fail(self, reason: str) -> None:
-        self._lifetime.fail(NAME, reason)
 
     def _give_up(self) -> None:
         """End when a topic has not appeared."""
@@ -88,7 +86,8 @@ class ForeignMonitorNode:
         missing = self.intake.missing()
         if missing and not self.step:
             found = ", ".join(self.intake.others()) or "no topic"
-            self._fail(f"nobody published {missing[0]} within {self._config.wait_sec:g} s, found {found:.300}")
+            reason = f"nobody published {missing[0]} within {self._config.wait_sec:g} s, found {found:.300}"
+            self._lifetime.fail(NAME, reason)
 
     def _conclude(self, rows: Sequence[Row]) -> None:
         for row in rows:
@@ -106,6 +105,9 @@ class ForeignMonitorNode:
         self._states, found = self._monitors.step(self._states, row)
         received = [codec.encode(step, sample) for codec, (sample, _) in zip(self._received, found, strict=True)]
         outputs = [output for _, output in found]
+        for slot, (sample, _) in enumerate(found):
+            self._missed[slot] += not sample.delivered
+            self.missing += not sample.delivered
         for codec, data in zip(self._received, received, strict=True):
             self._publish(codec.topic, data)
         for residual, output in zip(self._residuals, outputs, strict=True):
@@ -131,7 +133,9 @@ class ForeignMonitorNode:
         for change in self._streams.look(slot, self.step, received, None):
             stream = self._topics.stream(link.target)
             self._publish(stream.topic, stream.encode(self.step, link.source, change))
-            self._config.say(f"{when}  link {link}: {change.kind.value}{'' if change.active else ' ends'}")
+        if self._missed[slot] and self._diagnostics[0].due(self.step + 1):  # once a second, not once a sample
+            self._config.say(f"{when}  link {link}: {self._missed[slot]} samples missing in this second")
+            self._missed[slot] = 0
 
     def _publish(self, topic: Topic, data: bytes) -> None:
         if topic.name not in self._publishers:
