@@ -167,7 +167,7 @@ class _Masks:
         return cls(
             attacked=attacked,
             quiet=quiet,
-            block_steps=max(round(options.block_sec / timeline.period_sec), 1),
+            block_steps=options.block_steps(timeline.steps, timeline.period_sec),
             aftermath_steps=aftermath,
             lags=tuple(designs[link].lag if link in designs else 0 for link in timeline.run.links),
             period_sec=timeline.period_sec,

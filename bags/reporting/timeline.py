@@ -107,7 +107,7 @@ class _Gatherer:
     def __init__(self, first: RunRecord, steps: int, options: ReportOptions) -> None:
         period_sec = first.sampling_period_sec
         self.steps, links, dgus = steps, len(first.links), len(first.topics.dgus)
-        self.block_steps = max(round(options.block_sec / period_sec), 1)
+        self.block_steps = options.block_steps(steps, period_sec)
         self.settle_steps = round(options.aftermath_sec / period_sec)
         self.truth = False
         self.rated = _rated_currents(first)

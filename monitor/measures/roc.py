@@ -7,7 +7,6 @@ from math import nan
 from typing import TYPE_CHECKING
 
 import numpy as np
-from sklearn.metrics import auc, roc_curve  # type: ignore[import-untyped]
 
 from monitor.measures.intervals import RESAMPLES, Estimate, Interval, resample_weights
 
@@ -15,7 +14,6 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
 MOST_POINTS = 300
-_BINS = 512  # of the scores in the bootstrap: ties within one count half
 _FEWEST_BLOCKS = 10
 _LARGEST = 1e30  # stands for an infinite score, which curves cannot carry
 
@@ -25,9 +23,9 @@ class Roc:
     """A ROC curve.
 
     Attributes:
-        false_positive_rate: (points,) share of quiet samples above the limit.
-        true_positive_rate: (points,) share of attacked samples above it.
-        limit: (points,) on the score, descending.
+        false_positive_rate: (points,) share of quiet samples at or above the limit.
+        true_positive_rate: (points,) share of attacked samples there.
+        limit: (points,) on the score, an alarm from it on; descending from infinity to minus infinity.
         area: area under the curve, 0.5 for a coin.
     """
 
@@ -60,21 +58,34 @@ def roc(
         None unless there are samples of both kinds.
     """
     quiet = quiet & ~np.isnan(scores)
-    known = np.where(np.isnan(scores), 0.0, np.minimum(scores, _LARGEST))
+    known = np.nan_to_num(np.minimum(scores, scores.dtype.type(_LARGEST)), copy=False)
     if not attacked.any() or not quiet.any():
         return None
-    labels = np.concatenate([np.ones(np.count_nonzero(attacked)), np.zeros(np.count_nonzero(quiet))])
-    rates = roc_curve(labels, np.concatenate([known[attacked], known[quiet]]))
-    false, true, limit = (np.asarray(one, dtype=np.float64) for one in rates)
-    rows = np.unique(np.linspace(0, len(false) - 1, min(len(false), MOST_POINTS)).round().astype(np.intp))
-    area = float(auc(false, true))
-    areas = _resampled_areas(known, attacked, quiet, block_steps, seed)
+    positive, negative = np.sort(known[attacked]), np.sort(known[quiet])
+    limit = np.concatenate([[np.inf], _some(positive, negative), [-np.inf]])
+    areas = _resampled_areas(known, attacked, quiet, limit[-2:0:-1], block_steps=block_steps, seed=seed)
     return Roc(
-        false_positive_rate=false[rows],
-        true_positive_rate=true[rows],
-        limit=limit[rows],
-        area=Estimate(value=area, interval=_interval(areas, level)),
+        false_positive_rate=1.0 - np.searchsorted(negative, limit) / len(negative),
+        true_positive_rate=1.0 - np.searchsorted(positive, limit) / len(positive),
+        limit=limit,
+        area=Estimate(value=_area(positive, negative), interval=_interval(areas, level)),
     )
+
+
+def _some(*sorted_scores: NDArray[np.float64] | NDArray[np.float32]) -> NDArray[np.float64]:
+    """Limits at which the curve bends, or some of them evenly over the samples of both kinds, descending."""
+    count = MOST_POINTS // len(sorted_scores)
+    taken = [one[np.linspace(0, len(one) - 1, min(len(one), count)).round().astype(np.intp)] for one in sorted_scores]
+    return np.unique(np.concatenate(taken).astype(np.float64))[::-1]
+
+
+def _area(
+    positive: NDArray[np.float64] | NDArray[np.float32], negative: NDArray[np.float64] | NDArray[np.float32]
+) -> float:
+    """P(positive > negative) + P(equal) / 2 over all pairs of sorted scores: Mann and Whitney's."""
+    below = np.searchsorted(negative, positive, side="left").sum(dtype=np.float64)
+    up_to = np.searchsorted(negative, positive, side="right").sum(dtype=np.float64)
+    return float((below + up_to) / (2.0 * len(positive) * len(negative)))
 
 
 def _interval(areas: NDArray[np.float64], level: float) -> Interval | None:
@@ -88,15 +99,16 @@ def _resampled_areas(
     scores: NDArray[np.float64] | NDArray[np.float32],
     attacked: NDArray[np.bool_],
     quiet: NDArray[np.bool_],
+    edges: NDArray[np.float64],
+    *,
     block_steps: int,
     seed: int,
 ) -> NDArray[np.float64]:
-    """Areas with blocks of attacked and of quiet time drawn anew, each among themselves; none of too few blocks."""
-    edges = np.unique(np.quantile(scores[attacked | quiet], np.linspace(0.0, 1.0, _BINS + 1)[1:-1]))
-    places = np.searchsorted(edges, scores, side="left")
-    block = np.broadcast_to((np.arange(len(scores)) // max(block_steps, 1))[:, None], scores.shape)
-    positive = _histograms(places[attacked], block[attacked], len(edges) + 1)
-    negative = _histograms(places[quiet], block[quiet], len(edges) + 1)
+    """Areas with blocks of attacked and of quiet time drawn anew, each among themselves; none of too few blocks.
+
+    Scores are counted between edges: there may be millions, and ties within one bin count half.
+    """
+    positive, negative = (_histograms(scores, among, edges, block_steps) for among in (attacked, quiet))
     if min(len(positive), len(negative)) < _FEWEST_BLOCKS:
         return np.empty(0)
     drawn = [
@@ -105,11 +117,21 @@ def _resampled_areas(
     return _areas(*drawn)
 
 
-def _histograms(places: NDArray[np.intp], block: NDArray[np.intp], bins: int) -> NDArray[np.float64]:
+def _histograms(
+    scores: NDArray[np.float64] | NDArray[np.float32],
+    among: NDArray[np.bool_],
+    edges: NDArray[np.float64],
+    block_steps: int,
+) -> NDArray[np.float64]:
     """(blocks with samples, bins) counts."""
-    _, rows = np.unique(block, return_inverse=True)
-    count = int(rows.max(initial=-1)) + 1
-    return np.bincount(rows * bins + places, minlength=count * bins).reshape(count, bins).astype(np.float64)
+    starts = range(0, len(scores), max(block_steps, 1))
+    blocks = [slice(start, start + max(block_steps, 1)) for start in starts]
+    rows = [
+        np.bincount(np.searchsorted(edges, scores[block][among[block]], side="right"), minlength=len(edges) + 1)
+        for block in blocks
+        if among[block].any()
+    ]
+    return np.array(rows, dtype=np.float64)
 
 
 def _areas(positive: NDArray[np.float64], negative: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import norm
+from sklearn.metrics import roc_auc_score, roc_curve  # type: ignore[import-untyped]
 
 from monitor.measures import (
     Episode,
@@ -78,6 +79,23 @@ def test_area_of_two_shifted_normal_scores() -> None:
     assert found.area.interval.low < norm.cdf(1.5 / math.sqrt(2.0)) < found.area.interval.high
     assert found.area.value == pytest.approx(norm.cdf(1.5 / math.sqrt(2.0)), abs=0.01)  # 4 standard errors
     assert np.all(np.diff(found.limit) < 0.0)
+
+
+@given(data=st.data())
+def test_curve_and_area_are_those_of_the_library(data: st.DataObject) -> None:
+    """Ties included, every point lies on scikit-learn's curve and the area is its area."""
+    count = data.draw(st.integers(2, 60))
+    scores = np.array(data.draw(st.lists(st.integers(0, 8), min_size=count, max_size=count)), dtype=np.float64)
+    attacked = np.array(data.draw(st.lists(st.booleans(), min_size=count, max_size=count)))
+    found = roc(scores[:, None], attacked[:, None], ~attacked[:, None], block_steps=1, seed=0)
+    if found is None:
+        assert attacked.all() or not attacked.any()
+        return
+    assert found.area.value == pytest.approx(roc_auc_score(attacked, scores))
+    false, true, _ = roc_curve(attacked, scores, drop_intermediate=False)
+    np.testing.assert_allclose(found.false_positive_rate[:-1], false, atol=1e-15)
+    np.testing.assert_allclose(found.true_positive_rate[:-1], true, atol=1e-15)
+    assert (found.false_positive_rate[-1], found.true_positive_rate[-1]) == (1.0, 1.0)
 
 
 def test_attacked_samples_without_a_score_show_nothing() -> None:

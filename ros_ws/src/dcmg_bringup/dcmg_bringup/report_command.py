@@ -32,14 +32,14 @@ def report(
         typer.Option(
             "--set",
             metavar="A.B=VALUE",
-            help="judge by other monitors than the recorded ones, as in `monitor.detector.kind=cusum`; repeatable",
+            help="judge by other monitors than the recorded ones, as in `monitor.detector={kind: cusum}`; repeatable",
             show_default=False,
         ),
     ] = None,
     level: Annotated[float, typer.Option(min=0.5, max=0.999, help="confidence of the intervals")] = 0.95,
     seed: Annotated[int, typer.Option(min=0, help="seed of the bootstrap")] = 1,
     block: Annotated[
-        float, typer.Option(metavar="SECONDS", min=1e-6, help="time drawn as one piece in the bootstrap")
+        float, typer.Option(metavar="SECONDS", min=1e-6, help="least time drawn as one piece in the bootstrap")
     ] = 0.5,
     aftermath: Annotated[
         float, typer.Option(metavar="SECONDS", min=0.0, help="time after an attack that counts for nothing")
