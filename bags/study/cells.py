@@ -124,6 +124,13 @@ def _check_kinds(study: Study, source: str) -> None:
     for position, one in enumerate(study.observers):
         if one.kind not in known:
             raise StudyError(f"{source}: observers.{position}.kind = {one.kind!r}: expected one of {', '.join(known)}")
+        if one.combined and one.kind in BASELINES:
+            raise StudyError(f"{source}: observers.{position}.kind = {one.kind!r}: baselines have no further tests")
+        if study.attacks and one.calibrated_sec > study.attack_start_sec:
+            raise StudyError(
+                f"{source}: observers.{position}: learns until {one.calibrated_sec:g} s, "
+                f"expected at most attack_start_sec = {study.attack_start_sec:g}"
+            )
 
 
 def _check_detectors(study: Study, base: Scenario, source: str) -> None:

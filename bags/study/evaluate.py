@@ -14,6 +14,7 @@ from numpy.typing import NDArray
 
 from bags.monitors import MonitorArrays, RunMonitors, group_monitors
 from bags.study.cells import Cell
+from bags.study.combined import Signals, combined_settings, conclude
 from bags.study.designs import StudyDesign, design_for
 from bags.study.impact import Impact, impact_of
 from bags.study.settings import NO_ATTACK
@@ -61,6 +62,8 @@ class _Runs:
     """All runs of one scenario, one for each seed.
 
     Attributes:
+        sent: y, shape (steps, seeds, DGUs, 3).
+        reference: V_ref + alpha, shape (steps, seeds, DGUs) [V].
         received: Shape (steps, seeds, links, 3).
         delivered: Shape (steps, seeds, links).
         impact: What the attack does.
@@ -68,6 +71,8 @@ class _Runs:
         clean: First step that is not free of attacks.
     """
 
+    sent: NDArray[np.float64]
+    reference: NDArray[np.float64]
     received: NDArray[np.float64]
     delivered: NDArray[np.bool_]
     impact: Impact
@@ -88,23 +93,53 @@ def evaluate(cell: Cell) -> pa.Table:
     window = _window(tuple(cell.scenarios.values())[-1])
     runs = {attack: _simulated(scenario, cell.seeds) for attack, scenario in cell.scenarios.items()}
     shape = (len(runs), len(cell.seeds), len(base.links))
-    received = np.stack([one.received for one in runs.values()], axis=1)
-    delivered = np.stack([one.delivered for one in runs.values()], axis=1)
     designs = _designs(cell, base)
     lanes = [designs[seed][link.source] for _ in runs for seed in cell.seeds for link in base.links]
+    watch = _watch_all if cell.observer.combined else _watch_links
     tables = []
     for detector in cell.detectors:
         for swept, options in detector.settings():
-            built = detectors.build(detector.kind, options, base.sampling_period_sec)
-            monitors = RunMonitors(designs=(), groups=group_monitors(lanes, built))
-            _, concluded = monitors.run(
-                monitors.init(), received.reshape(len(received), -1, 3), delivered.reshape(len(delivered), -1)
-            )
+            concluded = watch(cell, tuple(runs.values()), lanes, (detector.kind, options))
             for position, (attack, one) in enumerate(runs.items()):
                 judged = _judge(one, _Part.of(concluded, shape, position), window, base.sampling_period_sec)
                 point = {"detector": detector.name, "swept": swept, "attack": attack}
                 tables.append(_table(cell, point, one, judged, lanes))
     return pa.concat_tables(tables)
+
+
+def _watch_links(
+    cell: Cell, runs: Sequence[_Runs], lanes: Sequence[StudyDesign], detector: tuple[str, dict[str, object]]
+) -> MonitorArrays:
+    """Return what a monitor on each link concludes, shape (steps, lanes, ...)."""
+    built = detectors.build(*detector, cell.scenarios[NO_ATTACK].sampling_period_sec)
+    monitors = RunMonitors(designs=(), groups=group_monitors(lanes, built))
+    received = np.stack([one.received for one in runs], axis=1)
+    delivered = np.stack([one.delivered for one in runs], axis=1)
+    steps = len(received)
+    _, concluded = monitors.run(monitors.init(), received.reshape(steps, -1, 3), delivered.reshape(steps, -1))
+    return concluded
+
+
+def _watch_all(
+    cell: Cell, runs: Sequence[_Runs], lanes: Sequence[StudyDesign], detector: tuple[str, dict[str, object]]
+) -> MonitorArrays:
+    """Return what the combined monitors conclude, shape (steps, lanes, ...)."""
+    del lanes
+    settings = combined_settings(cell.observer, *detector)
+    by_seed = []
+    for position, seed in enumerate(cell.seeds):
+        signals = [
+            np.stack([getattr(one, name)[:, position] for one in runs], axis=1)
+            for name in ("sent", "reference", "received", "delivered")
+        ]
+        scenario = cell.scenarios[NO_ATTACK].model_copy(update={"seed": seed})
+        by_seed.append(conclude(scenario, settings, Signals(*signals)))
+
+    def lanes_of(name: str) -> NDArray[Any]:
+        whole = np.stack([getattr(one, name) for one in by_seed], axis=2)  # (steps, attacks, seeds, links, ...)
+        return whole.reshape(len(whole), -1, *whole.shape[4:])
+
+    return MonitorArrays(**{name: lanes_of(name) for name in ("phase", "alarm", "estimate", "residual", "threshold")})
 
 
 @final
@@ -150,6 +185,8 @@ def _simulated(scenario: Scenario, seeds: Sequence[int]) -> _Runs:
     links = [link for one in scenario.attacks for link in one.plan.links]
     clean, _ = _window(scenario)
     return _Runs(
+        sent=np.concatenate([block.y for block in blocks]),
+        reference=np.concatenate([block.reference for block in blocks]),
         received=np.concatenate([block.received for block in blocks]),
         delivered=np.concatenate([block.delivered for block in blocks]),
         impact=impact_of(scenario, np.concatenate([block.x for block in blocks]), clean if links else 0),

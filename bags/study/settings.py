@@ -10,6 +10,7 @@ from bags.study.errors import StudyError
 from dgu_sim.errors import ScenarioError
 from dgu_sim.explain import explain
 from dgu_sim.model import Frozen, Number, finding
+from dgu_sim.monitor_settings import LocalSettings, PlausibilitySettings
 from dgu_sim.scenario_file import apply_overrides, parse_yaml, raised_by
 
 __all__ = ["Condition", "Study", "StudyAttack", "StudyDetector", "StudyObserver", "Sweep", "load_study"]
@@ -35,6 +36,20 @@ class StudyObserver(Frozen):
         "or identify_then_design (least squares, then the model-based UIO).",
     )
     options: dict[str, object] = Field(default_factory=dict, description="Options of the method.")
+    local: LocalSettings | None = Field(default=None, description="The module of the own state, as `monitor.local`.")
+    plausibility: PlausibilitySettings | None = Field(
+        default=None, description="The test of the reconstructed input, as `monitor.plausibility`."
+    )
+
+    @property
+    def combined(self) -> bool:
+        """Whether it draws one conclusion from several tests."""
+        return not (self.local is None and self.plausibility is None)
+
+    @property
+    def calibrated_sec(self) -> float:
+        """Time until which the further tests learn [s]."""
+        return max((one.calibrated_sec for one in (self.local, self.plausibility) if one is not None), default=0.0)
 
 
 class Sweep(Frozen):

@@ -69,6 +69,26 @@ def test_rows_are_those_of_a_simulated_run(table: pa.Table, cells: tuple[Cell, .
         assert row["clean_alarm_steps"] == record.alarm[:300, position].sum()
 
 
+def test_combined_monitors_conclude_as_in_a_run(tiny: Study, tmp_path: Path) -> None:
+    """Alarms of a combined monitor are the verdicts of the bag of the same scenario, seed and monitors."""
+    limits = {"settle_sec": 0.5, "calibrate_sec": 1.5, "range": [0.1, 0.02]}
+    observer = {"name": "combined", "kind": "full_order", "local": {}, "plausibility": {"limits": limits}}
+    document = {**tiny.model_dump(mode="json"), **_flat(tiny), "observers": [observer], "seeds": 1}
+    document["detectors"] = [{**document["detectors"][0], "sweep": None}]
+    (cell,) = cells_of(Study.model_validate(document), "tiny.yaml", scenario_path)
+    rows = [row for row in evaluate(cell).to_pylist() if row["attack"] == "stealthy"]
+    scenario = cell.scenarios["stealthy"].model_dump(mode="json")
+    scenario["monitor"] |= {"local": {}, "plausibility": {"limits": limits}}
+    scenario["monitor"]["detector"] = {"kind": "fixed", "options": tiny.detectors[0].options}
+    record = read_run(simulate_to_bag(Scenario.model_validate(scenario), tmp_path / "bag"))
+    assert record.combined is not None
+    alarm = record.combined.verdict.accused | record.combined.verdict.suspected
+    assert [row["attack_alarm_steps"] for row in rows] == alarm[300:].sum(axis=0).tolist()
+    assert [row["clean_alarm_steps"] for row in rows] == alarm[:300].sum(axis=0).tolist()
+    (seen,) = (row for row in rows if row["attacked"])
+    assert seen["detected"]
+
+
 def test_what_is_seen_and_what_is_not(table: pa.Table, tmp_path: Path) -> None:
     """A bias is seen at once, a stealthy trajectory as often as no attack at all; both move the mean voltage."""
     points = operating_points(table)
