@@ -76,8 +76,8 @@ def test_combined_monitors_conclude_as_in_a_run(tiny: Study, tmp_path: Path) -> 
     document = {**tiny.model_dump(mode="json"), **_flat(tiny), "observers": [observer], "seeds": 1}
     document["detectors"] = [{**document["detectors"][0], "sweep": None}]
     (cell,) = cells_of(Study.model_validate(document), "tiny.yaml", scenario_path)
-    rows = [row for row in evaluate(cell).to_pylist() if row["attack"] == "stealthy"]
-    scenario = cell.scenarios["stealthy"].model_dump(mode="json")
+    rows = [row for row in evaluate(cell).to_pylist() if row["attack"] == "bias"]
+    scenario = cell.scenarios["bias"].model_dump(mode="json")
     scenario["monitor"] |= {"local": {}, "plausibility": {"limits": limits}}
     scenario["monitor"]["detector"] = {"kind": "fixed", "options": tiny.detectors[0].options}
     record = read_run(simulate_to_bag(Scenario.model_validate(scenario), tmp_path / "bag"))
