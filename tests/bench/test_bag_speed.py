@@ -5,13 +5,16 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from mcap.reader import make_reader
 from mcap.writer import CompressionType, Writer
+from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
 from bags.bag import open_bag
 from bags.offline import simulate_to_bag
 from bags.packing import Compression
-from bags.reader import read_run
+from bags.reader import open_run, read_run
+from bags.recording import ChunkPreset, Recording
 from bags.replay import replay
 from bags.schema import run_topics
 from bags.writer import BagWriter
@@ -23,9 +26,9 @@ pytestmark = pytest.mark.bench
 _DURATION_SEC = 60
 
 
-def _seconds(work: Callable[[], object]) -> float:
+def _seconds(work: Callable[[], object], times: int = 3) -> float:
     best = float("inf")
-    for _ in range(3):
+    for _ in range(times):
         start = time.perf_counter()
         work()
         best = min(best, time.perf_counter() - start)
@@ -50,11 +53,32 @@ def _by_rosbags(bag: Path) -> None:
             reader.deserialize(data, connection.msgtype)
 
 
+def _by_mcap_ros2(bag: Path) -> None:
+    for file in bag.glob("*.mcap"):
+        with file.open("rb") as stream:
+            for _ in make_reader(stream, decoder_factories=[DecoderFactory()]).iter_decoded_messages():
+                pass
+
+
 def test_bulk_reading(bag: Path) -> None:
-    """All messages of a run as arrays, against rosbags one by one."""
+    """All messages of a run as arrays, against other libraries one by one."""
     ours = _seconds(lambda: read_run(bag))
-    theirs = _seconds(lambda: _by_rosbags(bag))
-    report("reading a run, against rosbags", theirs / ours, "at least 10")
+    report("reading a run, against rosbags", _seconds(lambda: _by_rosbags(bag), 1) / ours, "at least 10")
+    report("reading a run, against mcap-ros2-support", _seconds(lambda: _by_mcap_ros2(bag), 1) / ours, "at least 10")
+
+
+def test_bulk_reading_in_windows(bag: Path) -> None:
+    """The same in flat memory."""
+    ours = _seconds(lambda: [window.steps for window in open_run(bag).windows()])
+    report("reading a run in windows, against rosbags", _seconds(lambda: _by_rosbags(bag), 1) / ours, "at least 10")
+
+
+def test_bulk_reading_of_small_chunks(tmp_path: Path) -> None:
+    """A bag as a live recorder leaves it: sixteen times as many chunks."""
+    scenario = load_scenario(scenario_path("gallo_six_dgu"), [f"duration_sec={_DURATION_SEC}"])
+    bag = simulate_to_bag(scenario, tmp_path / "run", recording=Recording(chunks=ChunkPreset.SAFE))
+    ours, theirs = _seconds(lambda: read_run(bag)), _seconds(lambda: _by_rosbags(bag), 1)
+    report("reading a run in chunks of 64 KiB, against rosbags", theirs / ours, "at least 10")
 
 
 def test_recording(tmp_path: Path) -> None:
