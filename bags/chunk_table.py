@@ -88,10 +88,10 @@ class ChunkTable:
         rows: NDArray[np.intp] = np.arange(len(self))
         if times_ns is not None:
             rows = np.flatnonzero((self.times_ns[:, 0] <= times_ns[1]) & (self.times_ns[:, 1] >= times_ns[0]))
-        wanted = None if channel_ids is None else np.array(channel_ids, dtype=np.uint16)
+        wanted = None if channel_ids is None else set(channel_ids)
         for row in rows.tolist():
             entry = self._entry(row)
-            if wanted is None or not entry.index_length or np.isin(entry.indexes["channel_id"], wanted).any():
+            if wanted is None or not entry.index_length or not wanted.isdisjoint(entry.indexes["channel_id"].tolist()):
                 yield entry
 
     def _entry(self, row: int) -> ChunkEntry:

@@ -6,8 +6,10 @@ from typing import Any, final
 
 import numpy as np
 from mcap.opcode import Opcode
+from mcap.records import Channel
 from numpy.typing import NDArray
 
+from bags.batch import Batch, Places
 from bags.cdr import Layout
 from bags.chunk import MESSAGE_HEAD, MESSAGE_HEAD_LENGTH
 from bags.combined_arrays import CombinedFields
@@ -21,29 +23,34 @@ _VECTOR = 3  # components of states, outputs and residuals
 _ROWS_AT_ONCE = 1000
 
 
-def records_of(chunk: ChunkView, channel_id: int, layout: Layout, name: str) -> NDArray[np.void]:
-    """The message records of one channel of a chunk as raw bytes.
+def decoded(places: Places, content: NDArray[np.uint8], layout: Layout, name: str) -> NDArray[np.void]:
+    """The messages of one topic in a batch, once their heads say that they are what the index promised.
 
     Raises:
-        BagError: One reaches beyond the chunk.
+        BagError: One is not, or reaches beyond its chunk.
     """
-    records = chunk.records(channel_id, MESSAGE_HEAD.size + layout.size)
-    if records is None:
+    found = places.records(content, MESSAGE_HEAD.size + layout.size)
+    if found is None:
         raise _wrong_length(layout, name)
-    return records
-
-
-def decoded(
-    parts: Sequence[NDArray[np.void]], channel_ids: Sequence[int], layout: Layout, name: str
-) -> NDArray[np.void]:
-    """Messages of some chunks one after the other, once their heads say that they are what the index promised."""
-    records = np.concatenate(parts).view(record_dtype(layout.dtype))
+    raw, channel_ids = found
+    records = raw.view(record_dtype(layout.dtype))
     if np.any(records["opcode"] != Opcode.MESSAGE) or np.any(records["length"] != MESSAGE_HEAD_LENGTH + layout.size):
         raise _wrong_length(layout, name)
-    if np.any(records["channel_id"] != np.repeat(channel_ids, [len(part) for part in parts])):
+    if np.any(records["channel_id"] != channel_ids):
         raise BagError(f"{name}: the message index points to messages of another topic")
     messages: NDArray[np.void] = records["message"]
     return messages
+
+
+def messages_of(chunk: ChunkView, channel_id: int, layout: Layout, name: str) -> NDArray[np.void]:
+    """The messages of one topic in one chunk.
+
+    Raises:
+        BagError: One is not what the index promised.
+    """
+    places = Places()
+    places.add(chunk.offsets[channel_id], (0, len(chunk.data)), channel_id)
+    return decoded(places, chunk.data, layout, name)
 
 
 def _wrong_length(layout: Layout, name: str) -> BagError:
@@ -66,17 +73,32 @@ class Column:
     layout: Layout
     read: int = 0
     filled: int = 0
-    _rows: int = 0  # waiting
-    _waiting: list[NDArray[np.void]] = field(default_factory=list)  # whole records of one chunk each
-    _channel_ids: list[int] = field(default_factory=list)
+    _waiting: Places = field(default_factory=Places)
     _ready: list[NDArray[np.void]] = field(default_factory=list)  # decoded, for rows to come
 
-    def take(self, chunk: ChunkView, channel_id: int) -> bool:
-        """Take the messages of one chunk; tell whether enough wait for numpy to be quick."""
-        self._waiting.append(records_of(chunk, channel_id, self.layout, self.name))
-        self._channel_ids.append(channel_id)
-        self._rows += len(self._waiting[-1])
-        return self._rows >= _ROWS_AT_ONCE
+    def take(self, offsets: NDArray[np.int64], span: tuple[int, int], channel_id: int) -> bool:
+        """Take the messages of one chunk of the batch; tell whether enough wait for numpy to be quick."""
+        self._waiting.add(offsets, span, channel_id)
+        return self._waiting.count >= _ROWS_AT_ONCE
+
+    def decode(self, content: NDArray[np.uint8]) -> None:
+        """Decode what waits, out of the content of the batch.
+
+        Raises:
+            BagError: A message is not what the index promised, or a step is missing.
+        """
+        if not self._waiting.count:
+            return
+        messages = decoded(self._waiting, content, self.layout, self.name)
+        self._waiting = Places()
+        start = self.read
+        self.read += len(messages)
+        if "step" in self.layout.names:
+            wrong = np.flatnonzero(messages["step"] != np.arange(start, self.read))
+            if len(wrong):
+                found = int(messages["step"][wrong[0]])
+                raise BagError(f"{self.name}: found step {found}, expected step {start + int(wrong[0])}")
+        self._ready.append(messages)
 
     def fill(self, targets: Mapping[str, NDArray[Any]], steps: int) -> None:
         """Copy what has been read to the rows of the window that it belongs to.
@@ -84,12 +106,7 @@ class Column:
         Args:
             targets: Array of each field, shape (steps, ...).
             steps: Rows of the window.
-
-        Raises:
-            BagError: A message is not what the index promised, or a step is missing.
         """
-        if self._waiting:
-            self._decode()
         while self._ready and self.filled < steps:
             messages = self._ready.pop(0)
             taken = messages[: steps - self.filled]
@@ -100,23 +117,8 @@ class Column:
                 self._ready.insert(0, messages[len(taken) :])
 
     def skip(self) -> None:
-        """Check what has been read and drop it: no window needs it."""
-        self.fill({}, 0)
+        """Drop what has been decoded: no window needs it."""
         self._ready.clear()
-
-    def _decode(self) -> None:
-        messages = decoded(self._waiting, self._channel_ids, self.layout, self.name)
-        self._waiting.clear()
-        self._channel_ids.clear()
-        self._rows = 0
-        start = self.read
-        self.read += len(messages)
-        if "step" in self.layout.names:
-            wrong = np.flatnonzero(messages["step"] != np.arange(start, self.read))
-            if len(wrong):
-                found = int(messages["step"][wrong[0]])
-                raise BagError(f"{self.name}: found step {found}, expected step {start + int(wrong[0])}")
-        self._ready.append(messages)
 
 
 @final
@@ -132,44 +134,57 @@ class Columns:
     topics: RunTopics
     by_name: Mapping[str, Column]
 
-    def windows(self, sizes: Sequence[int], chunks: Iterator[tuple[str, int, ChunkView]]) -> Iterator[dict[str, Any]]:
+    def windows(
+        self, sizes: Sequence[int], chunks: Iterator[tuple[Mapping[int, Channel], ChunkView]]
+    ) -> Iterator[dict[str, Any]]:
         """The arrays of consecutive windows, by the names they have in a RunRecord.
 
         Args:
             sizes: Steps of each window.
-            chunks: Topic, channel and chunk, for each topic of each chunk in order; used up in the end.
+            chunks: Each chunk with the channels of its file, in order; used up in the end.
 
         Raises:
-            BagError: See `Column.fill`.
+            BagError: See `Column.decode`.
         """
+        batch = Batch()
         for size in sizes:
             arrays = _Arrays.of(self.topics, size)
             targets = arrays.targets(self.topics, self.by_name)
-            self._fill(targets, size)
+            self._fill(targets, size, batch)
+            batch = Batch()
             while any(column.filled < size for column in self.by_name.values()):
                 following = next(chunks, None)
-                if following is None or self._take(following):
-                    self._fill(targets, size)
+                if following is None or self._take(following, batch):
+                    self._fill(targets, size, batch)
+                    batch = Batch()
                 if following is None:
                     break
             yield arrays.fields()
             for column in self.by_name.values():
                 column.filled = 0
         for rest in chunks:
-            if self._take(rest):
-                self._skip()
-        self._skip()
+            if self._take(rest, batch):
+                self._skip(batch)
+                batch = Batch()
+        self._skip(batch)
 
-    def _take(self, found: tuple[str, int, ChunkView]) -> bool:
-        name, channel_id, chunk = found
-        return self.by_name[name].take(chunk, channel_id)
+    def _take(self, found: tuple[Mapping[int, Channel], ChunkView], batch: Batch) -> bool:
+        channels, chunk = found
+        span, enough = batch.add(chunk), False
+        for channel_id, offsets in chunk.offsets.items():
+            enough |= self.by_name[channels[channel_id].topic].take(offsets, span, channel_id)
+        return enough
 
-    def _skip(self) -> None:
+    def _skip(self, batch: Batch) -> None:
+        content = batch.content()
         for column in self.by_name.values():
+            column.decode(content)
             column.skip()
 
-    def _fill(self, targets: Mapping[str, Mapping[str, NDArray[Any]]], steps: int) -> None:
+    def _fill(self, targets: Mapping[str, Mapping[str, NDArray[Any]]], steps: int, batch: Batch) -> None:
+        content = batch.content()
         for name, column in self.by_name.items():
+            column.decode(content)
             column.fill(targets[name], steps)
 
 

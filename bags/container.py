@@ -15,7 +15,7 @@ from mcap.opcode import Opcode
 from mcap.records import Channel
 from numpy.typing import NDArray
 
-from bags.chunk import INDEX_HEAD, MESSAGE_HEAD, MESSAGE_HEAD_LENGTH
+from bags.chunk import ENTRY_BYTES, INDEX_HEAD, MESSAGE_HEAD, MESSAGE_HEAD_LENGTH
 from bags.chunk_table import ChunkEntry
 from bags.errors import BagError
 from bags.expand import expand
@@ -28,6 +28,7 @@ from bags.yaml_text import load
 
 _CHUNK_HEAD = struct.Struct("<BQQQQII")  # opcode, length, times, size, check sum, letters of the compression
 _SIZE = struct.Struct("<Q")
+_INDEX_DTYPE = np.dtype([("opcode", "u1"), ("length", "<u8"), ("channel_id", "<u2"), ("size", "<u4")])
 
 
 @final
@@ -223,19 +224,30 @@ def _view(source: FileBytes, entry: ChunkEntry, wanted: Collection[int] | None) 
 
 def _offsets(raw: bytes, entry: ChunkEntry, wanted: Collection[int] | None) -> dict[int, NDArray[np.int64]]:
     """Offsets by channel id out of the MessageIndex records that follow a chunk."""
-    found: dict[int, NDArray[np.int64]] = {}
-    for channel_id, place in entry.indexes.tolist():
-        if wanted is not None and channel_id not in wanted:
-            continue
-        at = place - entry.start
-        if not entry.length <= at <= len(raw) - INDEX_HEAD.size:
-            raise McapError(f"no message index of channel {channel_id} at byte {place}")
-        opcode, length, claimed, size = INDEX_HEAD.unpack_from(raw, at)
-        end = at + INDEX_HEAD.size + size
-        if opcode != Opcode.MESSAGE_INDEX or claimed != channel_id or length != 6 + size or end > len(raw) or size % 16:
-            raise McapError(f"the message index at byte {place} is damaged")
-        found[channel_id] = np.frombuffer(raw, dtype="<i8", count=size // 8, offset=at + INDEX_HEAD.size)[1::2]
-    return found
+    indexes = entry.indexes
+    if wanted is not None:
+        indexes = indexes[[one in wanted for one in indexes["channel_id"].tolist()]]
+    places = indexes["offset"] - entry.start
+    if not len(places):
+        return {}
+    if int(places.min()) < entry.length or int(places.max()) > len(raw) - INDEX_HEAD.size:
+        raise McapError("a message index is not where the summary says")
+    windows = np.ndarray((len(raw) - INDEX_HEAD.size + 1,), dtype=f"V{INDEX_HEAD.size}", buffer=raw, strides=(1,))
+    heads = windows[places].view(_INDEX_DTYPE)
+    sizes, starts = heads["size"].astype(np.int64), places + INDEX_HEAD.size
+    if (
+        np.any(heads["opcode"] != Opcode.MESSAGE_INDEX)
+        or np.any(heads["channel_id"] != indexes["channel_id"])
+        or np.any(heads["length"] != 6 + sizes)
+        or np.any(sizes % ENTRY_BYTES)
+        or np.any(starts + sizes > len(raw))
+    ):
+        raise McapError("a message index is damaged")
+    found = zip(heads["channel_id"].tolist(), starts.tolist(), (sizes // 8).tolist(), strict=True)
+    return {
+        channel_id: np.frombuffer(raw, dtype="<i8", count=count, offset=start)[1::2]
+        for channel_id, start, count in found
+    }
 
 
 def _walked(content: bytes, wanted: Collection[int] | None) -> dict[int, NDArray[np.int64]]:

@@ -12,9 +12,9 @@ from pathlib import Path
 from typing import TypeVar, final
 
 from bags.codecs import NANOSECONDS_PER_SECOND, AlarmCodec
-from bags.columns import columns_of, decoded, records_of
+from bags.columns import columns_of, messages_of
 from bags.combined_topics import CombinedTopics, parts_among
-from bags.container import ChunkView, Container, open_container, readable
+from bags.container import Container, open_container, readable
 from bags.errors import BagError
 from bags.origin import SCENARIO_ATTACHMENT
 from bags.records import AlarmRecord, DesignRecord, HistoryRecord, SecondRecord, StreamRecord
@@ -77,7 +77,7 @@ class Run:
         sizes = [min(steps, self.steps - start) for start in range(0, max(self.steps, 1), steps)]
         columns = columns_of(self.topics, self._container.topics)
         start = 0
-        for fields in columns.windows(sizes, self._per_step_chunks(columns.by_name)):
+        for fields in columns.windows(sizes, self._container.chunks(columns.by_name.keys())):
             size = min(steps, self.steps - start)
             seconds = self._seconds(start, start + size)
             if seconds and takes_newest(self.attachments.get(SCENARIO_ATTACHMENT, b"").decode()):
@@ -111,11 +111,6 @@ class Run:
         for name, column in columns.by_name.items():
             if column.read != counts[name]:
                 raise BagError(f"{self.path}: {name} has {column.read} messages, its statistics promise {counts[name]}")
-
-    def _per_step_chunks(self, names: Mapping[str, object]) -> Iterator[tuple[str, int, ChunkView]]:
-        for channels, chunk in self._container.chunks(names.keys()):
-            for channel_id in chunk.offsets:
-                yield channels[channel_id].topic, channel_id, chunk
 
     def _alarms(self, start: int, end: int) -> tuple[AlarmRecord, ...]:
         return self._alarms_on([self.topics.alarms(monitor) for monitor in self.topics.monitors], start, end)
@@ -255,7 +250,7 @@ def _sampling_period_ns(container: Container, topics: RunTopics) -> int:
                 if name in histories and len(chunk.offsets[channel_id]):
                     recorded = round(histories[name].decode(next(chunk.payloads(channel_id))).sampling_period_sec * 1e9)
                 if name == tick:
-                    ticks = decoded([records_of(chunk, channel_id, layout, name)], [channel_id], layout, name)
+                    ticks = messages_of(chunk, channel_id, layout, name)
                     for one in ticks[ticks["step"] == 1]:
                         sec, nanosec = int(one["header.stamp.sec"]), int(one["header.stamp.nanosec"])
                         return sec * NANOSECONDS_PER_SECOND + nanosec
