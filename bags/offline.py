@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bags.combined_arrays import CombinedFields
+from bags.combined_topics import CombinedTopics
 from bags.convert import history_of
 from bags.events import EventState, events_of, relayed_of
 from bags.following import Following, follow
@@ -133,12 +134,18 @@ def fill_combined_rows(rows: NDArray[np.void], run: RunTopics, block: Block, fie
     own = {"y": block.y[:, 0], "reference": block.reference[:, 0]}
     for monitor in topics.monitors if topics.parts.local else ():
         _fill(rows[topics.own(monitor).topic.name], own, {"dgu": monitor}, run.dgus.index(monitor))
-    numbers = {topics.verdict(monitor).topic.name: {"monitor": monitor} for monitor in topics.monitors}
-    numbers |= {topics.residual(one).topic.name: {"source": one, "monitor": one} for one in topics.monitors}
-    numbers |= {topics.input(one).topic.name: {"source": one.source, "monitor": one.target} for one in topics.links}
+    numbers = combined_numbers(topics)
     for name, arrays in fields.by_topic(topics):
         for field, array in (arrays | numbers[name]).items():
             rows[name][field] = array
+
+
+def combined_numbers(topics: CombinedTopics) -> dict[str, dict[str, int]]:
+    """The numbers that do not change in the messages of `fill_combined_rows`, by topic."""
+    numbers = {topics.verdict(monitor).topic.name: {"monitor": monitor} for monitor in topics.monitors}
+    numbers |= {topics.residual(one).topic.name: {"source": one, "monitor": one} for one in topics.monitors}
+    numbers |= {topics.input(one).topic.name: {"source": one.source, "monitor": one.target} for one in topics.links}
+    return numbers
 
 
 def _fill(

@@ -36,12 +36,19 @@ def evaluate(bag: Path, changes: MonitorChanges, *, out: Path | None, json: bool
     from bags.plots import draw  # noqa: PLC0415
     from bags.reader import open_run  # noqa: PLC0415
     from bags.replay import replay_windows  # noqa: PLC0415
-    from bags.replay_settings import with_histories  # noqa: PLC0415
+    from bags.replay_bag import write_replayed  # noqa: PLC0415
+    from bags.replay_settings import history_messages, with_histories  # noqa: PLC0415
     from bags.report import summary  # noqa: PLC0415
 
     run = open_run(bag)
-    windows = run.windows() if changes.history is None else with_histories(run.windows(), changes.history)
-    found = outline(shown(replay_windows(windows, changes.overrides), run.steps, "replaying"), run.steps)
-    pictures = draw(found, out) if out is not None else ()
-    print_summary(summary(found, bag), pictures, json=json)
+    windows, told = run.windows(), {}
+    if changes.history is not None:
+        windows = with_histories(windows, changes.history)
+        told = history_messages(changes.history, sorted({link.source for link in run.topics.links}))
+    windows = replay_windows(windows, changes.overrides)
+    if out is not None:
+        windows = write_replayed(out / "bag", windows, told)
+    found = outline(shown(windows, run.steps, "replaying"), run.steps)
+    pictures = draw(found, out / "plots") if out is not None else ()
+    print_summary(summary(found, bag if out is None else out / "bag"), pictures, json=json)
     return 0

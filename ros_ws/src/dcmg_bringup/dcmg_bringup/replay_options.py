@@ -23,7 +23,12 @@ def _publish(
 
 
 Bag = Annotated[Path, typer.Argument(help="bag of an earlier run; with --publish, any rosbag2 directory")]
-Out = Annotated[Path | None, typer.Option(help="folder for plots; with --monitors, for their logs", show_default=False)]
+Out = Annotated[
+    Path | None,
+    typer.Option(
+        help="folder for the replayed run as a bag, and plots; with --monitors, for their logs", show_default=False
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="print the result as one JSON document, and nothing else there")]
 
 Observer = Annotated[str | None, _monitors("another observer, with its default options", metavar="KIND")]
