@@ -73,12 +73,14 @@ class BagWriter:
         self._pack = packer(compression)
         self._files = FileSeries(path, compression, split or Split())
         self._files.note(custom_data or {})
+        self._buffer: ChunkBuffer | None = None
         for topic in topics:
             self.add_topic(topic)
         self._drops = buffer is not None and buffer.when_full is WhenFull.DROP
         self._dropping = (-1, False)  # stamp of the latest step, and whether it is dropped
         self._dropped: dict[str, int] = {}
-        self._buffer = None if buffer is None else ChunkBuffer(self._files.add_chunk, buffer.max_bytes)
+        if buffer is not None:
+            self._buffer = ChunkBuffer(self._files.add_chunk, buffer.max_bytes)
 
     @property
     def path(self) -> Path:
@@ -96,16 +98,18 @@ class BagWriter:
         return dict(self._dropped)
 
     def add_topic(self, topic: Topic) -> None:
-        """Announce a topic, before the first message.
+        """Announce a topic, before its first message.
 
         Raises:
-            BagError: It is announced already, or its type is unknown.
+            BagError: It is announced already, or its type is unknown; or the disk refuses.
         """
         if topic.name in self._topics:
             raise BagError(f"{self._path}: topic {topic.name} is announced twice")
         if not self._filter.accepts(topic.name):
             self._ignored.add(topic.name)
             return
+        if self._buffer is not None:
+            self._buffer.drain()  # its thread writes to the same file
         self._files.announce(topic)
         self._topics[topic.name] = topic
         self._sequences[topic.name] = 0

@@ -130,3 +130,31 @@ def test_options_of_a_recording(tmp_path: Path, topics: RunTopics) -> None:
     assert open_bag(tmp_path / "bag").topics["/tick"].count == 10
     with pytest.raises(BagError, match="max_bytes of the buffer is 0, expected a positive number"):
         Buffer(max_bytes=0)
+
+
+def test_a_topic_announced_late_waits_for_the_disk(
+    tmp_path: Path, topics: RunTopics, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A topic that is announced while a chunk is on its way does not get in between its bytes and its index."""
+    entered, go, write = threading.Event(), threading.Event(), McapFile._write
+
+    def slow(file: McapFile, data: bytes) -> None:
+        if threading.current_thread().name == "bag":
+            entered.set()
+            go.wait()
+        write(file, data)
+
+    monkeypatch.setattr(McapFile, "_write", slow)
+    late = topics.alarms(topics.monitors[0]).topic
+    first = [topic for topic in topics.all if topic != late]
+    with BagWriter(tmp_path / "bag", first, chunk_bytes=SMALL, max_chunk_age_sec=None, buffer=Buffer()) as writer:
+        _record(writer, topics, range(100))
+        assert entered.wait(timeout=30.0)
+        announcing = threading.Thread(target=writer.add_topic, args=(late,))
+        announcing.start()
+        announcing.join(timeout=0.2)  # enough for one that does not wait
+        go.set()
+        announcing.join()
+    report = check(tmp_path / "bag")
+    assert report.clean, report
+    assert open_bag(tmp_path / "bag").topics[topics.tick().topic.name].count == 100
