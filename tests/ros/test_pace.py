@@ -42,11 +42,12 @@ def test_pause_and_resume() -> None:
 
 
 def test_steps_while_paused() -> None:
-    """Two steps let two stamps out, then it stands still, and goes on from there."""
+    """Two steps, told one by one, let two stamps out; then it stands still, and goes on from there."""
     pace = Pace(1.0, paused=True)
     pace.start(0.0, 0)
     assert pace.due_sec(0) == inf
-    pace.step(1.0, 2)
+    pace.step(1.0)
+    pace.step(1.0)
     for stamp in (0, 10 * _MS):
         assert pace.due_sec(stamp) == -inf
         pace.passed(1.0, stamp)

@@ -68,9 +68,10 @@ class Pace:
             self._since_sec = now_sec
 
     def step(self, now_sec: float, steps: int = 1) -> None:
-        """Go on by so many stamps, and pause."""
+        """Go on by so many stamps (more than those that it is still to go on by), and pause."""
+        before = self._steps
         self.pause(now_sec)
-        self._steps = steps
+        self._steps = before + steps
 
     def set_rate(self, now_sec: float, rate: float) -> None:
         """Change the rate from where the replay stands.
