@@ -5,7 +5,7 @@ from __future__ import annotations
 from math import inf
 
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dcmg_nodes.errors import NodeError
@@ -75,6 +75,7 @@ def test_impossible_rates(rate: float) -> None:
         Pace(1.0, paused=False).set_rate(0.0, rate)
 
 
+@settings(max_examples=20)  # each walks through 100,000 bins
 @given(st.lists(st.floats(-0.9, 0.9), min_size=1))
 def test_quantiles_of_the_errors(errors: list[float]) -> None:
     """A quantile bounds its share of the errors' sizes, and is met to one bin by one of them."""
