@@ -1,6 +1,5 @@
 """What a response avoids: the same scenario simulated with it and without, step for step the same but for it."""
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import final
 
@@ -74,18 +73,22 @@ def compare_response(scenario: Scenario) -> Avoided:
     for block in simulate(scenario, block_steps=_BLOCK_STEPS, recorded=recorded, respond=watch):
         calm.append(_impact(scenario, block))
         said.append(_said(watch, topics))
-    alone = [_impact(scenario, block) for block in _without(scenario)]
     return Avoided(
         sampling_period_sec=scenario.sampling_period_sec,
         with_response=_joined(calm),
-        without=_joined(alone),
+        without=without_response(scenario),
         accused=_first(said, topics),
     )
 
 
-def _without(scenario: Scenario) -> Iterator[Block]:
-    """The run in which no verdict is acted on: what the monitors would say changes nothing, so they are left out."""
-    return simulate(scenario, block_steps=_BLOCK_STEPS, recorded=recorded_states(scenario))
+def without_response(scenario: Scenario) -> GridImpact:
+    """Simulate a scenario in which no verdict is acted on: what the monitors would say changes nothing.
+
+    Raises:
+        BagError: The histories that its attackers know cannot be read.
+    """
+    blocks = simulate(scenario, block_steps=_BLOCK_STEPS, recorded=recorded_states(scenario))
+    return _joined([_impact(scenario, block) for block in blocks])
 
 
 def _said(watch: Watch, topics: RunTopics) -> CombinedArrays:

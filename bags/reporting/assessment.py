@@ -7,7 +7,7 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from bags.reporting.alarm_sources import MAIN
+from bags.reporting.alarm_sources import MAIN, VERDICT
 from bags.reporting.attacks import Attack
 from bags.reporting.options import ReportOptions
 from bags.reporting.timeline import Timeline
@@ -19,6 +19,7 @@ from monitor.measures import (
     Episode,
     Estimate,
     EstimateErrors,
+    GridImpact,
     Impact,
     Isolation,
     Roc,
@@ -53,6 +54,7 @@ class LinkAssessment:
         rates: Alarms.
         roc: Of its residual, None unless it was attacked.
         batadal: Score.
+        left_out_sec: Time for which its receiver left it out of its control [s].
         clear_errors: Of its estimate without attack, None without truth.
         attacked_errors: Under attack: what the lie does to who believes it.
     """
@@ -63,6 +65,7 @@ class LinkAssessment:
     rates: AlarmRates
     roc: Roc | None
     batadal: Batadal
+    left_out_sec: float
     clear_errors: EstimateErrors | None
     attacked_errors: EstimateErrors | None
 
@@ -77,12 +80,14 @@ class AttackAssessment:
         episode: Its detection: the first alarm on any of its links.
         accused: Links that alarmed while it ran.
         impact: By the keys of IMPACTS; none without truth.
+        unanswered: What it would have been without a response; none when that is not known.
     """
 
     attack: Attack
     episode: Episode
     accused: tuple[Link, ...]
     impact: Mapping[str, Impact]
+    unanswered: Mapping[str, Impact]
 
 
 @final
@@ -114,25 +119,38 @@ class Assessment:
 
     Attributes:
         options: Choices behind the numbers.
+        main: The source of alarms that links and attacks are judged by: the verdict where there is one.
         links: In the order of the run's links.
         attacks: By start.
         overall: By source of alarms.
+        unanswered: How far the grid would have been from its goals if no DGU had acted on a verdict; None: not known.
     """
 
     options: ReportOptions
+    main: str
     links: tuple[LinkAssessment, ...]
     attacks: tuple[AttackAssessment, ...]
     overall: Mapping[str, Overall]
+    unanswered: GridImpact | None
 
 
-def assess(timeline: Timeline, options: ReportOptions) -> Assessment:
-    """Measure a run."""
+def assess(timeline: Timeline, options: ReportOptions, unanswered: GridImpact | None = None) -> Assessment:
+    """Measure a run.
+
+    Args:
+        timeline: The run.
+        options: Choices behind the measures.
+        unanswered: What became of the grid when no DGU acted on a verdict.
+    """
     masks = _Masks.of(timeline, options)
-    alarm = timeline.alarms.get(MAIN, np.zeros(masks.attacked.shape, dtype=np.bool_))
+    main = VERDICT if VERDICT in timeline.alarms else MAIN
+    alarm = timeline.alarms.get(main, np.zeros(masks.attacked.shape, dtype=np.bool_))
     return Assessment(
         options=options,
-        links=tuple(_link(timeline, masks, position, options) for position in range(len(timeline.run.links))),
-        attacks=tuple(_attack(timeline, attack, alarm, masks) for attack in timeline.attacks),
+        main=main,
+        links=tuple(_link(timeline, masks, position, alarm) for position in range(len(timeline.run.links))),
+        unanswered=unanswered,
+        attacks=tuple(_attack(timeline, attack, alarm, masks, unanswered) for attack in timeline.attacks),
         overall={
             name: _overall(timeline, alarms, masks, options, scored=name == MAIN)
             for name, alarms in timeline.alarms.items()
@@ -175,9 +193,10 @@ class _Masks:
         )
 
 
-def _link(timeline: Timeline, masks: _Masks, position: int, options: ReportOptions) -> LinkAssessment:
+def _link(timeline: Timeline, masks: _Masks, position: int, alarms: NDArray[np.bool_]) -> LinkAssessment:
+    options = masks.options
     link, column = timeline.run.links[position], slice(position, position + 1)
-    alarm = timeline.alarms[MAIN][:, column] if MAIN in timeline.alarms else np.zeros_like(masks.attacked[:, column])
+    alarm = alarms[:, column]
     quiet, attacked = masks.quiet[:, column], masks.attacked[:, column]
     episodes = tuple(
         detect(alarm[:, 0], interval, timeline.period_sec, lag=masks.lags[position])
@@ -194,30 +213,36 @@ def _link(timeline: Timeline, masks: _Masks, position: int, options: ReportOptio
         rates=rates,
         roc=_roc(timeline.score[:, column], quiet, attacked, masks),
         batadal=batadal(episodes, rates.seen_rate.value, rates.false_alarm_rate.value),
+        left_out_sec=float(timeline.left_out[position]) * timeline.period_sec,
         clear_errors=None if clear is None else estimate_errors(clear, seed=options.seed, level=options.level),
         attacked_errors=None if under is None else estimate_errors(under, seed=options.seed, level=options.level),
     )
 
 
-def _attack(timeline: Timeline, attack: Attack, alarm: NDArray[np.bool_], masks: _Masks) -> AttackAssessment:
+def _attack(
+    timeline: Timeline, attack: Attack, alarm: NDArray[np.bool_], masks: _Masks, unanswered: GridImpact | None
+) -> AttackAssessment:
     episode = _seen(timeline, attack, alarm, masks)
     accused = np.asarray(alarm[attack.start_step : attack.stop_step].any(axis=0)).tolist()
-    interval = (attack.start_step, attack.stop_step)
-    impact = {}
-    if timeline.impact is not None and interval[1] > interval[0]:
-        context = max(masks.aftermath_steps, 1)
-        impact = {
-            name: impact_of(
-                getattr(timeline.impact, name),
-                interval,
-                episode.alarm_step,
-                timeline.period_sec,
-                context_steps=context,
-            )
-            for name in IMPACTS
-        }
-    links = tuple(link for link, one in zip(timeline.run.links, accused, strict=True) if one)
-    return AttackAssessment(attack=attack, episode=episode, accused=links, impact=impact)
+    return AttackAssessment(
+        attack=attack,
+        episode=episode,
+        accused=tuple(link for link, one in zip(timeline.run.links, accused, strict=True) if one),
+        impact=_impact(timeline.impact, episode, masks),
+        unanswered=_impact(unanswered, episode, masks),
+    )
+
+
+def _impact(grid: GridImpact | None, episode: Episode, masks: _Masks) -> Mapping[str, Impact]:
+    """Around one attack, by the keys of IMPACTS."""
+    interval = (episode.start_step, episode.stop_step)
+    if grid is None or interval[1] <= interval[0]:
+        return {}
+    context = max(masks.aftermath_steps, 1)
+    return {
+        name: impact_of(getattr(grid, name), interval, episode.alarm_step, masks.period_sec, context_steps=context)
+        for name in IMPACTS
+    }
 
 
 def _seen(timeline: Timeline, attack: Attack, alarm: NDArray[np.bool_], masks: _Masks) -> Episode:

@@ -11,12 +11,14 @@ from bokeh.plotting import figure
 from numpy.typing import NDArray
 
 from bags.reporting.alarm_sources import MAIN
-from bags.reporting.assessment import Assessment
+from bags.reporting.assessment import IMPACTS, Assessment
+from bags.reporting.fold import Envelope
 from bags.reporting.look import ALERT, COLOURS, INK, MUTED, frame, hover, legend, look, shade
 from bags.reporting.timeline import Timeline
 
 COMPONENTS: Final = ("V [V]", "I_t [A]", "v [V s]")
 MOST_PANELS: Final = 24
+_MOST_INPUTS: Final = 6
 _FLOOR: Final = 1e-16  # rounding of double precision: smaller residuals are drawn here
 _DECADES: Final = (-3.0, 2.0)  # of the score in the overview
 
@@ -31,9 +33,11 @@ def figures(timeline: Timeline, assessment: Assessment) -> Mapping[str, UIElemen
     if timeline.run.links:
         found["overview"] = _overview(timeline, time)
         found["residuals"] = _residuals(timeline, assessment, time)
+        if np.isfinite(timeline.curves.inputs.high).any():
+            found["inputs"] = _inputs(timeline, time)
     if timeline.truth:
         found["states"] = _states(timeline, time)
-        found["impact"] = _impact(timeline, time)
+        found["impact"] = _impact(timeline, assessment, time)
     if (curve := assessment.overall[MAIN].roc) is not None and len(curve.limit):
         found["roc"] = _roc(assessment)
     return found
@@ -58,15 +62,18 @@ def _windows(timeline: Timeline, position: int | None = None) -> list[tuple[floa
 def _overview(timeline: Timeline, time: Range1d) -> figure:
     """Links by time, coloured by how close each residual is to its threshold."""
     names = [_arrow(timeline, position) for position in range(len(timeline.run.links))]
+    score, own = timeline.curves.score.high, timeline.curves.own.high
+    if np.isfinite(own).any():
+        names += [f"own state {monitor}" for monitor in timeline.run.topics.monitors]
+        score = np.concatenate([score, own], axis=1)
     height = 90 + 22 * len(names) if len(names) <= MOST_PANELS else 620
     plot = frame(height, time, y_range=Range1d(start=len(names), end=0))
-    score = timeline.curves.score.high
     shown = np.clip(np.log10(np.maximum(score, 1e-30)), *_DECADES).astype(np.float32)
     mapper = LinearColorMapper(palette=_diverging(), low=_DECADES[0], high=-_DECADES[0], nan_color="#f1f3f5")
     end = len(score) * timeline.curves.score.length * timeline.period_sec
     # a y range upside down: the first row of the image lies at the top
     plot.image(image=[shown.T], x=0.0, y=0.0, dw=end, dh=len(names), color_mapper=mapper)
-    for position in range(len(names)):
+    for position in range(len(timeline.run.links)):
         for start, stop in _windows(timeline, position):
             plot.quad(left=start, right=stop, top=position, bottom=position + 1, fill_alpha=0.0, line_color=INK)
     plot.yaxis.ticker = FixedTicker(ticks=[position + 0.5 for position in range(len(names))])
@@ -110,20 +117,46 @@ def _states(timeline: Timeline, time: Range1d) -> UIElement:
     return column(*plots, sizing_mode="stretch_width")
 
 
-def _impact(timeline: Timeline, time: Range1d) -> UIElement:
-    """How far the grid is from its goals."""
-    envelope = timeline.curves.impact
+def _impact(timeline: Timeline, assessment: Assessment, time: Range1d) -> UIElement:
+    """How far the grid is from its goals, and would have been without a response."""
+    envelope, without = timeline.curves.impact, Envelope.empty(timeline.steps, timeline.curves.impact.length, 3)
+    if assessment.unanswered is not None:
+        without.add(np.column_stack([getattr(assessment.unanswered, name) for name in IMPACTS]), 0)
     labels = (("⟨V⟩ - ⟨V_ref⟩ [V]", 0), ("max |V_i - V_ref,i| [V]", 1), ("spread of I/Iʳ", 2))
     plots = []
     for label, position in labels:
         plot = frame(150, time, y_axis_label=label)
         shade(plot, _windows(timeline))
         times = envelope.times(timeline.period_sec)
+        if assessment.unanswered is not None:
+            _line(plot, times, without.line(position), "without response", color=ALERT, line_dash="dashed")
         _line(plot, times, envelope.line(position), label, color=COLOURS[position])
-        hover(plot, ("t", "@x{0.00} s"), ("", "@y{0.0000}"))
+        hover(plot, ("", "$name"), ("t", "@x{0.00} s"), ("", "@y{0.0000}"))
         plots.append(plot)
     plots[-1].xaxis.axis_label = "simulated time [s]"
     return column(*plots, sizing_mode="stretch_width")
+
+
+def _inputs(timeline: Timeline, time: Range1d) -> UIElement:
+    """Reconstructed inputs between their limits, of the links that there is something to say about."""
+    envelope, alarm = timeline.curves.inputs, timeline.alarms.get("plausibility")
+    times = envelope.times(timeline.period_sec)
+    told = [
+        position
+        for position, link in enumerate(timeline.run.links)
+        if timeline.attack_intervals(link) or (alarm is not None and alarm[:, position].any())
+    ] or [0]
+    plots = []
+    for position in told[:_MOST_INPUTS]:
+        for part, label in enumerate(("load and line current [A]", "reference [V]")):
+            plot = frame(190, time, title=f"{_arrow(timeline, position)}   {label}")
+            shade(plot, _windows(timeline, position))
+            _line(plot, times, envelope.line(position, 0, part), "reconstructed", color=COLOURS[part])
+            for limit in (1, 2):
+                _line(plot, times, envelope.line(position, limit, part), "limit", color=MUTED, line_dash="dashed")
+            hover(plot, ("", "$name"), ("t", "@x{0.00} s"), ("", "@y{0.0000}"))
+            plots.append(plot)
+    return gridplot(plots, ncols=2, sizing_mode="stretch_width", toolbar_location=None, merge_tools=False)
 
 
 def _residuals(timeline: Timeline, assessment: Assessment, time: Range1d) -> UIElement:
@@ -132,7 +165,7 @@ def _residuals(timeline: Timeline, assessment: Assessment, time: Range1d) -> UIE
     residual, threshold = timeline.curves.residual, timeline.curves.threshold
     limits = _range(residual.high[:, shown], threshold.high[:, shown])
     value = Range1d(start=limits[0], end=limits[1])
-    times = residual.times(timeline.period_sec)
+    times = residual.starts(timeline.period_sec)
     plots = []
     for position in shown:
         windows = _windows(timeline, position)
@@ -145,11 +178,10 @@ def _residuals(timeline: Timeline, assessment: Assessment, time: Range1d) -> UIE
         if design is not None and not design.accepted:
             plot.title.text, plot.title.text_color = f"{name}   not monitored", MUTED
         for part, label in enumerate(COMPONENTS):
-            line = np.maximum(residual.line(position, part), _FLOOR)
+            line = np.maximum(residual.high[:, position, part], _FLOOR)
             _line(plot, times, line, label, color=COLOURS[part])
         for colour, line in _thresholds(threshold.high[:, position]):
-            moments = np.arange(len(line)) * (threshold.length * timeline.period_sec)
-            _line(plot, moments, line, "threshold", color=colour, line_dash="dashed")
+            _line(plot, times, line, "threshold", color=colour, line_dash="dashed")
         for episode in assessment.links[position].episodes:
             if episode.delay_sec is not None:
                 at = episode.start_sec + episode.delay_sec

@@ -56,9 +56,13 @@ class Envelope:
         fold(self.low, values, first_step, self.length, np.fmin)
         fold(self.high, values, first_step, self.length, np.fmax)
 
+    def starts(self, period_sec: float) -> NDArray[np.float64]:
+        """First instant of each stretch [s]."""
+        return np.arange(len(self.low), dtype=np.float64) * (self.length * period_sec)
+
     def times(self, period_sec: float) -> NDArray[np.float64]:
         """Instants of the points of `line` [s]."""
-        starts = np.arange(len(self.low), dtype=np.float64) * (self.length * period_sec)
+        starts = self.starts(period_sec)
         if self.length == 1:
             return starts
         return np.asarray(np.column_stack([starts, starts + 0.5 * self.length * period_sec]).ravel())

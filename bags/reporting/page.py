@@ -30,7 +30,7 @@ def page(timeline: Timeline, assessment: Assessment) -> str:
     return environment.from_string(text).render(
         timeline=timeline,
         assessment=assessment,
-        main=next(iter(assessment.overall.values()), None),
+        main=assessment.overall.get(assessment.main),
         making=making_of(timeline.run, timeline.steps),
         drawing=drawing(timeline, assessment),
         size=SIZE,
@@ -56,7 +56,7 @@ def _words(parameters: str) -> str:
 
 def _confusion(timeline: Timeline, assessment: Assessment) -> Mapping[str, Any]:
     """The rows of the confusion matrix that have samples, as shares."""
-    overall = next(iter(assessment.overall.values()), None)
+    overall = assessment.overall.get(assessment.main)
     if overall is None:
         return {}
     names = [*(str(link) for link in timeline.run.links), "none"]

@@ -7,40 +7,16 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from bags.reporting.alarm_sources import SOURCES
+from bags.reporting.alarm_sources import MAIN, SOURCES, VERDICT
 from bags.reporting.attacks import Attack, attacks_of
-from bags.reporting.fold import Envelope, fold, stretches_of
+from bags.reporting.curves import Curves
+from bags.reporting.fold import fold, stretches_of
 from bags.reporting.options import ReportOptions
 from bags.run_record import RunRecord
 from bags.yaml_text import load
 from dgu_sim.grid import Link
 from monitor.detectors import Phase
 from monitor.measures import ErrorSums, GridImpact, grid_impact, score, under_attack
-
-_MOST_NUMBERS = 400_000  # of all curves together: about 3 MB of the page
-_MOST_POINTS, _FEWEST_POINTS = 1000, 100  # stretches of a curve
-
-
-@final
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Curves:
-    """What is drawn over time.
-
-    Attributes:
-        x: True states, (dgus, 3) [V, A, V s].
-        alpha: Secondary corrections, (dgus,) [V].
-        residual: |r|, (links, 3) [V, A, V s].
-        threshold: (links, 3) [V, A, V s].
-        score: Largest |r_i| / threshold_i, (links,).
-        impact: <V> - <V_ref> [V], max |dV_i| [V], sharing spread, (3,).
-    """
-
-    x: Envelope
-    alpha: Envelope
-    residual: Envelope
-    threshold: Envelope
-    score: Envelope
-    impact: Envelope
 
 
 @final
@@ -54,7 +30,8 @@ class Timeline:
         attacks: By start.
         truth: Whether the bag holds true states.
         phase: Shape (steps, links).
-        alarms: Alarms of each source that the run has, shape (steps, links).
+        alarms: Alarms of each source that the run has, shape (steps, links); tests that never alarmed are left out.
+        left_out: Steps at which the receiver left each link out of its control, shape (links,).
         score: Largest |r_i| / threshold_i, shape (steps, links).
         impact: Distances from the goals of control, None without truth.
         clear_errors: Of the estimates of each link while it is not attacked; none without truth.
@@ -68,6 +45,7 @@ class Timeline:
     truth: bool
     phase: NDArray[np.uint8]
     alarms: Mapping[str, NDArray[np.bool_]]
+    left_out: NDArray[np.int64]
     score: NDArray[np.float32]
     impact: GridImpact | None
     clear_errors: Mapping[Link, ErrorSums]
@@ -117,36 +95,33 @@ class _Gatherer:
         ).reshape(links, steps)
         self.phase = np.zeros((steps, links), dtype=np.uint8)
         self.score = np.full((steps, links), np.nan, dtype=np.float32)
+        self.judges = {name: source.start(first.links) for name, source in SOURCES.items()}
         self.alarms: dict[str, NDArray[np.bool_]] = {}
+        self.left_out = np.zeros(links, dtype=np.int64)
         self.impact = np.full((steps, 3), np.nan)
         self.errors = np.zeros((stretches_of(steps, self.block_steps), 2, links, 3, 3))  # clear/attacked; n, |e|, e^2
         self.before = np.full((int(self.lags.max(initial=0)), dgus, 3), np.nan)  # states of the last window's end
-        length = stretch_length(steps, 4 * dgus + 7 * links)
-        shapes = {"x": (dgus, 3), "alpha": (dgus,), "residual": (links, 3), "threshold": (links, 3), "score": (links,)}
-        self.curves = {
-            name: Envelope.empty(steps, length, *shape) for name, shape in (*shapes.items(), ("impact", (3,)))
-        }
+        self.curves = Curves.empty(first, steps)
 
     def add(self, window: RunRecord) -> None:
         """Take the next window."""
         if not window.steps:
             return
-        rows, first = slice(window.first_step, window.end_step), window.first_step
+        rows = slice(window.first_step, window.end_step)
         ratio = score(window.residual, window.threshold)
         self.phase[rows], self.score[rows] = window.phase, np.minimum(ratio, 1e30)
-        for name, source in SOURCES.items():
-            alarm = source.of(window)
+        for name, judge in self.judges.items():
+            alarm = judge(window)
             if alarm is not None:
                 self.alarms.setdefault(name, np.zeros(self.phase.shape, dtype=np.bool_))[rows] = alarm
-        drawn = {"alpha": window.alpha, "residual": np.abs(window.residual), "threshold": window.threshold}
-        for name, values in {**drawn, "x": window.x, "score": ratio}.items():
-            self.curves[name].add(values, first)
+        if window.combined is not None:
+            self.left_out += window.combined.verdict.dropped.sum(axis=0)
         if np.isfinite(window.x).any():
             self.truth = True
             found = grid_impact(window.x[:, :, 0], window.x[:, :, 1], window.reference - window.alpha, self.rated)
             self.impact[rows] = np.column_stack([found.mean_voltage, found.voltage, found.sharing])
-            self.curves["impact"].add(self.impact[rows], first)
             self._add_errors(window)
+        self.curves.add(window, ratio, self.impact[rows])
 
     def _add_errors(self, window: RunRecord) -> None:
         """Compare each estimate with the state that it is of, lag steps ago."""
@@ -185,19 +160,14 @@ class _Gatherer:
             attacks=attacks_of(last, self.steps),
             truth=self.truth,
             phase=self.phase,
-            alarms=self.alarms,
+            alarms={name: alarm for name, alarm in self.alarms.items() if name in {MAIN, VERDICT} or alarm.any()},
+            left_out=self.left_out,
             score=self.score,
             impact=impact if self.truth else None,
             clear_errors=clear if self.truth else {},
             attacked_errors=attacked if self.truth else {},
-            curves=Curves(**self.curves),
+            curves=self.curves,
         )
-
-
-def stretch_length(steps: int, curves: int) -> int:
-    """Steps of each stretch of which only the extremes are drawn."""
-    points = min(max(_MOST_NUMBERS // max(2 * curves, 1), _FEWEST_POINTS), _MOST_POINTS)
-    return 1 if steps <= 2 * points else -(-steps // points)
 
 
 def _lag(run: RunRecord, link: Link) -> int:

@@ -13,6 +13,7 @@ from bags.reporting.options import ReportOptions
 from bags.reporting.page import page
 from bags.reporting.plain import plain
 from bags.reporting.timeline import Timeline, gather
+from bags.reporting.unanswered import unanswered
 from bags.run_record import RunRecord
 
 HTML_NAME, JSON_NAME = "report.html", "report.json"
@@ -52,7 +53,7 @@ def write_report(windows: Iterable[RunRecord], steps: int, folder: Path, options
     try:
         folder.mkdir(parents=True, exist_ok=True)
         timeline = gather(windows, steps, options)
-        assessment = assess(timeline, options)
+        assessment = assess(timeline, options, unanswered(timeline))
         text = page(timeline, assessment)
         html.write_text(text, encoding="utf-8")
         document.write_text(json.dumps(document_of(timeline, assessment), allow_nan=False), encoding="utf-8")
@@ -72,5 +73,5 @@ def document_of(timeline: Timeline, assessment: Assessment) -> dict[str, Any]:
         "truth": timeline.truth,
         "made": dict(making.facts),
         "designs": plain(making.designs),
-        **{name: plain(getattr(assessment, name)) for name in ("options", "overall", "attacks", "links")},
+        **{name: plain(getattr(assessment, name)) for name in ("options", "main", "overall", "attacks", "links")},
     }

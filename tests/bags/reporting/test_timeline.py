@@ -12,10 +12,11 @@ from bags.reader import open_run
 from bags.report import summary
 from bags.reporting.assessment import assess
 from bags.reporting.attacks import attacks_of
+from bags.reporting.curves import stretch_length
 from bags.reporting.fold import Envelope
 from bags.reporting.options import ReportOptions
 from bags.reporting.plain import plain
-from bags.reporting.timeline import gather, stretch_length
+from bags.reporting.timeline import gather
 from bags.run_record import RunRecord
 from dgu_sim.grid import Link
 

@@ -85,7 +85,11 @@ def _lines(made: Report) -> list[str]:
         links = ", ".join(str(link) for link in one.attack.links)
         seen = f"seen after {number(one.episode.delay_sec)} s" if one.episode.detected else "missed"
         lines.append(f"{one.attack.kind} on {links} from {one.episode.start_sec:g} s: {seen}")
-    for overall in list(made.assessment.overall.values())[:1]:
+        if one.unanswered and one.impact:
+            largest, avoided = one.impact["mean_voltage"].largest, one.unanswered["mean_voltage"].largest
+            lines.append(f"  largest |<V> - <V_ref>|: {number(largest)} V, without response {number(avoided)} V")
+    overall = made.assessment.overall.get(made.assessment.main)
+    if overall is not None:
         rate = overall.rates.false_alarm_rate
         lines.append(
             f"false alarms: {overall.rates.false_alarms}; {share(rate.value)} of {overall.rates.quiet_samples} "

@@ -1,0 +1,89 @@
+"""What a report draws over time, thinned while the windows of a run go by."""
+
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bags.reporting.fold import Envelope
+from bags.run_record import RunRecord
+from monitor.measures import score
+
+_MOST_NUMBERS = 400_000  # of all curves together: about 3 MB of the page
+_MOST_POINTS, _FEWEST_POINTS = 1000, 100  # stretches of a curve
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Curves:
+    """What is drawn over time.
+
+    Attributes:
+        x: True states, (dgus, 3) [V, A, V s].
+        alpha: Secondary corrections, (dgus,) [V].
+        residual: |r|, (links, 3) [V, A, V s].
+        threshold: (links, 3) [V, A, V s].
+        score: Largest |r_i| / threshold_i, (links,).
+        impact: <V> - <V_ref> [V], max |dV_i| [V], sharing spread, (3,).
+        own: Largest |r_i| / threshold_i of the own state of each monitor, (monitors,); NaN without such tests.
+        inputs: Reconstructed inputs, least and largest plausible ones, (links, 3, 2) [A, V]; likewise.
+    """
+
+    x: Envelope
+    alpha: Envelope
+    residual: Envelope
+    threshold: Envelope
+    score: Envelope
+    impact: Envelope
+    own: Envelope
+    inputs: Envelope
+
+    @classmethod
+    def empty(cls, run: RunRecord, steps: int) -> "Curves":
+        """Before the first window of a run."""
+        dgus, links, monitors = len(run.topics.dgus), len(run.links), len(run.topics.monitors)
+        length = stretch_length(steps, 4 * dgus + 7 * links)
+
+        def curve(*shape: int) -> Envelope:
+            return Envelope.empty(steps, length, *shape)
+
+        return cls(
+            x=curve(dgus, 3),
+            alpha=curve(dgus),
+            residual=curve(links, 3),
+            threshold=curve(links, 3),
+            score=curve(links),
+            impact=curve(3),
+            own=curve(monitors),
+            inputs=curve(links, 3, 2),
+        )
+
+    def add(self, window: RunRecord, ratio: NDArray[np.float64], impact: NDArray[np.float64]) -> None:
+        """Take the next window.
+
+        Args:
+            window: The window.
+            ratio: Scores of its residuals, shape (steps, links).
+            impact: Shape (steps, 3).
+        """
+        first = window.first_step
+        self.x.add(window.x, first)
+        self.alpha.add(window.alpha, first)
+        self.residual.add(np.abs(window.residual), first)
+        self.threshold.add(window.threshold, first)
+        self.score.add(ratio, first)
+        self.impact.add(impact, first)
+        local = None if window.combined is None else window.combined.local
+        if local is not None:
+            self.own.add(score(local.residual, local.threshold), first)
+        inputs = None if window.combined is None else window.combined.inputs
+        if inputs is not None:
+            limits = [np.where(np.isfinite(one), one, np.nan) for one in (inputs.lower, inputs.upper)]
+            self.inputs.add(np.stack([inputs.input, *limits], axis=2), first)
+
+
+def stretch_length(steps: int, curves: int) -> int:
+    """Steps of each stretch of which only the extremes are drawn."""
+    points = min(max(_MOST_NUMBERS // max(2 * curves, 1), _FEWEST_POINTS), _MOST_POINTS)
+    return 1 if steps <= 2 * points else -(-steps // points)
