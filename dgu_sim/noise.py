@@ -6,10 +6,10 @@ import numpy as np
 from pydantic import Field
 
 from dgu_sim.linear import FloatArray
-from dgu_sim.model import Frozen, Spread3
+from dgu_sim.model import Frozen, Number, Spread3
 from dgu_sim.signals import BLOCK, RandomSource
 
-__all__ = ["GaussianNoise", "NoNoise", "Noise", "NoiseModel", "UniformNoise"]
+__all__ = ["GaussianNoise", "NoNoise", "Noise", "NoiseModel", "StudentNoise", "UniformNoise"]
 
 
 class NoiseModel(Protocol):
@@ -54,4 +54,19 @@ class GaussianNoise(Frozen):
         return generator.standard_normal((BLOCK, 3)) * self.std
 
 
-Noise: TypeAlias = Annotated[NoNoise | UniformNoise | GaussianNoise, Field(discriminator="kind")]
+class StudentNoise(Frozen):
+    """y = x + rho, rho_k = scale_k t, t with Student's distribution: rare large values, as of a loose contact."""
+
+    kind: Literal["student"] = Field(description="Noise with heavy tails, independent in time and component.")
+    scale: Spread3 = Field(description="Scale on V [V], I_t [A], v [V s].")
+    freedom: Number = Field(default=3.0, gt=0, description="Degrees of freedom: the fewer, the heavier the tails.")
+
+    def values(self, first: int, count: int, source: RandomSource) -> FloatArray:
+        """Return the noise of steps first ... first+count-1, shape (count, 3)."""
+        return source.values(first, first + count, self._draw)
+
+    def _draw(self, generator: np.random.Generator) -> FloatArray:
+        return generator.standard_t(self.freedom, (BLOCK, 3)) * self.scale
+
+
+Noise: TypeAlias = Annotated[NoNoise | UniformNoise | GaussianNoise | StudentNoise, Field(discriminator="kind")]

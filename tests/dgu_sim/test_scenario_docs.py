@@ -35,6 +35,7 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "Noise: none": noise.NoNoise,
     "Noise: uniform": noise.UniformNoise,
     "Noise: gaussian": noise.GaussianNoise,
+    "Noise: student": noise.StudentNoise,
     "history": settings.HistorySettings,
     "monitor": settings.MonitorSettings,
     "monitor.observer": settings.ObserverSettings,

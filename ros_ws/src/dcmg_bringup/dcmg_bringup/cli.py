@@ -13,7 +13,15 @@ import typer
 
 from bags.errors import BagError
 from bags.recording import ChunkPreset
-from dcmg_bringup import attack_commands, bag_commands, import_commands, jobs, paper_commands, player_commands
+from dcmg_bringup import (
+    attack_commands,
+    bag_commands,
+    import_commands,
+    jobs,
+    measure_commands,
+    paper_commands,
+    player_commands,
+)
 from dcmg_bringup.avoided_command import avoided
 from dcmg_bringup.design_command import design
 from dcmg_bringup.errors import BringupError
@@ -57,6 +65,7 @@ Start here: `dcmg scenarios`, then `dcmg run gallo_six_dgu`.""",
 )
 app.add_typer(attack_commands.app, name="attack")
 app.add_typer(paper_commands.app, name="paper")
+app.add_typer(measure_commands.app, name="measure")
 app.add_typer(bag_commands.app, name="bag")
 app.add_typer(import_commands.app, name="import")
 app.add_typer(player_commands.app, name="player")

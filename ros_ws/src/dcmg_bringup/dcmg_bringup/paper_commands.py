@@ -34,12 +34,14 @@ class PaperExperiment:
         title: what it shows, in one line.
         picture: file name of the one picture that is meant, None: all that the module draws.
         seed: default seed.
+        package: where the module is.
     """
 
     module: str
     title: str
     picture: str | None = None
     seed: int = 0
+    package: str = "dcmg_bringup.papers"
 
 
 EXPERIMENTS = {
@@ -92,10 +94,12 @@ def list_() -> None:
     Console().print(table)
 
 
-def _command(name: str, experiment: PaperExperiment) -> None:
+def add_command(app: typer.Typer, name: str, experiment: PaperExperiment, out_dir: Path) -> None:
+    """Add the command that repeats an experiment."""
+
     def repeat(
         seed: Annotated[int, typer.Option(help="seed of the random data")] = experiment.seed,
-        out: Annotated[Path, typer.Option(help="folder for the figure and the numbers")] = Path("out/paper"),
+        out: Annotated[Path, typer.Option(help="folder for the figure and the numbers")] = out_dir,
         *,
         json: Annotated[bool, typer.Option("--json", help="print the numbers as a JSON document")] = False,
     ) -> None:
@@ -105,7 +109,7 @@ def _command(name: str, experiment: PaperExperiment) -> None:
 
 
 def _repeat(name: str, experiment: PaperExperiment, seed: int, out: Path, *, json: bool) -> int:
-    module: Any = importlib.import_module(f"dcmg_bringup.papers.{experiment.module}")
+    module: Any = importlib.import_module(f"{experiment.package}.{experiment.module}")
     with Console(stderr=True).status(f"{name}: computing"):
         result = module.run(seed)
         checks: Sequence[Check] = module.checks(result)
@@ -148,4 +152,4 @@ def _print(title: str, checks: Sequence[Check], notes: Sequence[str], files: Seq
 
 
 for _name, _experiment in EXPERIMENTS.items():
-    _command(_name, _experiment)
+    add_command(app, _name, _experiment, Path("out/paper"))

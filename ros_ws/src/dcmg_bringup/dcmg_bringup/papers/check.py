@@ -24,4 +24,4 @@ class Check:
     @property
     def ok(self) -> bool:
         """Whether they agree."""
-        return abs(self.value - self.expected) <= self.tolerance
+        return bool(abs(self.value - self.expected) <= self.tolerance)
