@@ -33,6 +33,9 @@ MEASURES = {
         module="damage",
         title="The largest damage of attacks that leave no residual, under limits of what is plausible",
     ),
+    "damage-combined": PaperExperiment(
+        package=_PACKAGE, module="damage_combined", title="The same attacks, watched by the combined monitor", seed=1
+    ),
 }
 
 
