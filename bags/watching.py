@@ -11,8 +11,8 @@ from bags.convert import history_of
 from bags.errors import BagError
 from bags.histories import histories_of_run, recorded_states
 from bags.monitors import LinkGroup, RunMonitors, design_monitors
-from bags.stacked_observer import StackedObserver
 from bags.schema import run_topics
+from bags.stacked_observer import StackedObserver
 from dgu_sim.scenario import Scenario
 from dgu_sim.simulate import Block, simulate
 from monitor import detectors

@@ -9,11 +9,11 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from bags.watching import watch
 from bags.convert import history_of
 from bags.histories import histories_of_run
 from bags.monitors import design_monitors
 from bags.schema import run_topics
+from bags.watching import watch
 from dcmg_bringup.measure_commands import MEASURES, app
 from dcmg_bringup.measures import damage, false_alarms, roc
 from dcmg_bringup.shipped import scenario_path
