@@ -92,6 +92,22 @@ def test_nodes_die_with_a_killed_supervisor(start_run: Callable[..., Any], long_
     assert read_run(run.bag).steps > 0
 
 
+def test_nodes_die_with_a_supervisor_that_is_killed_while_it_starts_them(
+    start_run: Callable[..., Any], long_scenario: Path
+) -> None:
+    """A node whose parent is gone before it could ask to be told ends by itself."""
+    run = start_run(long_scenario)
+    supervisor = psutil.Process(run.process.pid)
+    nodes: list[psutil.Process] = []
+    while len(nodes) < 3:
+        nodes = supervisor.children()
+    supervisor.suspend()  # no further node comes while we look
+    nodes = supervisor.children()
+    supervisor.kill()
+    gone, alive = psutil.wait_procs(nodes, timeout=30.0)
+    assert (len(gone), alive) == (len(nodes), [])
+
+
 def test_two_runs_side_by_side_do_not_see_each_other(
     start_run: Callable[..., Any], long_scenario: Path, short_scenario: Path
 ) -> None:

@@ -19,6 +19,8 @@ from typing import TYPE_CHECKING
 
 import setproctitle
 
+from dcmg_nodes.orphans import die_with
+
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from multiprocessing.context import ForkProcess
@@ -84,7 +86,9 @@ class ProcessGroup:
         self._processes: dict[str, ForkProcess] = {}
         for name, members in nodes.items():
             process = context.Process(
-                target=_node_process, args=(members, scenario, options, log_dir / f"{name}.log"), name=name
+                target=_node_process,
+                args=(os.getpid(), members, scenario, options, log_dir / f"{name}.log"),
+                name=name,
             )
             process.start()
             self._processes[name] = process
@@ -130,17 +134,17 @@ class ProcessGroup:
         return f"{how}{last}"
 
 
-def _node_process(members: Sequence[str], scenario: Scenario, options: NodeOptions, log: Path) -> None:
+def _node_process(parent: int, members: Sequence[str], scenario: Scenario, options: NodeOptions, log: Path) -> None:
     """Be the node process: own session (Ctrl-C reaches the supervisor alone), own log, own title."""
+    die_with(parent)
     os.setsid()
     setproctitle.setproctitle(f"dcmg node {' '.join(members)} --out {options.out}")
     handle = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
     null = os.open(os.devnull, os.O_RDONLY)
     for source, target in ((null, 0), (handle, 1), (handle, 2)):
         os.dup2(source, target)
-    from dcmg_nodes.main import die_with_parent, run_nodes  # noqa: PLC0415 (imports rclpy, which must follow the fork)
+    from dcmg_nodes.main import run_nodes  # noqa: PLC0415 (imports rclpy, which must follow the fork)
 
-    die_with_parent()
     failure = run_nodes(members, scenario, options)
     if failure is not None:
         sys.stderr.write(f"{failure}\n")

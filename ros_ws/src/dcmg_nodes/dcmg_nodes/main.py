@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import signal
 from contextlib import ExitStack
 from functools import partial
@@ -37,14 +36,8 @@ if TYPE_CHECKING:
     from dcmg_nodes.ports import Ports
     from dgu_sim.scenario import Scenario
 
-_PR_SET_PDEATHSIG = 1
 _SIGNAL_CHECK_SEC = 0.1
 _STALL_PERIODS = 5
-
-
-def die_with_parent() -> None:
-    """Be interrupted when the process that started this one dies, however it dies."""
-    ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGINT)
 
 
 def run_nodes(names: Sequence[str], scenario: Scenario, options: NodeOptions) -> str | None:
