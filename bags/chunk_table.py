@@ -1,15 +1,18 @@
 """The chunk indexes of a file as arrays: an hour's recording has tens of thousands of them.
 
-One object for each, as the `mcap` library keeps, would be hundreds of megabytes.
+One object for each, as the `mcap` library keeps, would be hundreds of megabytes. Which channels a chunk holds is left
+in the file and read when it is asked for.
 """
 
 import struct
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass
 from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
+
+from bags.file_bytes import FileBytes
 
 _FIXED = struct.Struct("<QQQQI")  # times, start, length, bytes of the map from channels to message indexes
 _REST = struct.Struct("<QI")  # length of the message indexes, letters of the compression
@@ -30,7 +33,8 @@ class ChunkEntry:
         compression: MCAP's name.
         start_ns: Earliest log time [ns].
         end_ns: Latest log time [ns].
-        indexes: Where the message index of each channel stands in the file: `channel_id`, `offset`, shape (channels,).
+        map_start: Where the map from channels to message indexes stands in the file.
+        map_size: Its bytes.
     """
 
     start: int
@@ -40,7 +44,12 @@ class ChunkEntry:
     compression: str
     start_ns: int
     end_ns: int
-    indexes: NDArray[np.void]
+    map_start: int
+    map_size: int
+
+    def indexes(self, source: FileBytes) -> NDArray[np.void]:
+        """Where the message index of each channel stands in the file: `channel_id`, `offset`, shape (channels,)."""
+        return np.frombuffer(source.read(self.map_start, self.map_size), dtype=_ENTRY)
 
 
 @final
@@ -49,18 +58,15 @@ class ChunkTable:
     """The chunks of a file in the order of the file.
 
     Attributes:
-        numbers: Start, length, length of the indexes and compressed size of each chunk, shape (chunks, 4).
+        numbers: Start, length, length of the indexes, compressed size, start and size of the map of each chunk, shape
+            (chunks, 6).
         times_ns: Earliest and latest log time of each chunk, shape (chunks, 2) [ns].
         compressions: MCAP's name for each chunk.
-        bounds: Where the entries of each chunk start in `indexes`, and where the last ones end, shape (chunks + 1,).
-        indexes: The message indexes of all chunks, shape (entries,).
     """
 
     numbers: NDArray[np.int64]
     times_ns: NDArray[np.uint64]
     compressions: tuple[str, ...]
-    bounds: NDArray[np.int64]
-    indexes: NDArray[np.void]
 
     def __len__(self) -> int:
         """Number of chunks."""
@@ -76,26 +82,20 @@ class ChunkTable:
         row = int(np.searchsorted(self.numbers[:, 0], start))
         return self._entry(row) if row < len(self) and self.numbers[row, 0] == start else None
 
-    def entries(
-        self, channel_ids: Sequence[int] | None = None, times_ns: tuple[int, int] | None = None
-    ) -> Iterator[ChunkEntry]:
+    def entries(self, times_ns: tuple[int, int] | None = None) -> Iterator[ChunkEntry]:
         """The chunks in order, each made when it is asked for.
 
         Args:
-            channel_ids: Only chunks that hold messages of these channels, or do not say; None: all.
             times_ns: Only chunks that reach into this range of log times, both ends included [ns]; None: all.
         """
         rows: NDArray[np.intp] = np.arange(len(self))
         if times_ns is not None:
             rows = np.flatnonzero((self.times_ns[:, 0] <= times_ns[1]) & (self.times_ns[:, 1] >= times_ns[0]))
-        wanted = None if channel_ids is None else set(channel_ids)
         for row in rows.tolist():
-            entry = self._entry(row)
-            if wanted is None or not entry.index_length or not wanted.isdisjoint(entry.indexes["channel_id"].tolist()):
-                yield entry
+            yield self._entry(row)
 
     def _entry(self, row: int) -> ChunkEntry:
-        start, length, index_length, compressed_size = self.numbers[row].tolist()
+        start, length, index_length, compressed_size, map_start, map_size = self.numbers[row].tolist()
         start_ns, end_ns = self.times_ns[row].tolist()
         return ChunkEntry(
             start=start,
@@ -105,44 +105,51 @@ class ChunkTable:
             compression=self.compressions[row],
             start_ns=start_ns,
             end_ns=end_ns,
-            indexes=self.indexes[self.bounds[row] : self.bounds[row + 1]],
+            map_start=map_start,
+            map_size=map_size,
         )
 
 
-def chunk_table(records: Sequence[bytes]) -> ChunkTable | None:
-    """The table of the chunk index records of a summary, None when one of them is none.
+def chunk_table(entries: Collection[ChunkEntry]) -> ChunkTable:
+    """The table of the chunks that a summary lists in any order."""
+    ordered = sorted(entries, key=lambda one: one.start)
+    numbers = [
+        (one.start, one.length, one.index_length, one.compressed_size, one.map_start, one.map_size) for one in ordered
+    ]
+    times_ns = [(one.start_ns, one.end_ns) for one in ordered]
+    return ChunkTable(
+        numbers=np.array(numbers, dtype=np.int64).reshape(-1, 6),
+        times_ns=np.array(times_ns, dtype=np.uint64).reshape(-1, 2),
+        compressions=tuple(one.compression for one in ordered),
+    )
+
+
+def read_entry(record: bytes, position: int) -> ChunkEntry | None:
+    """What a chunk index record says, None when it is none.
 
     Args:
-        records: Their contents, in any order.
+        record: Its content.
+        position: Where the content stands in the file.
     """
-    numbers = np.empty((len(records), 4), dtype=np.int64)
-    times_ns = np.empty((len(records), 2), dtype=np.uint64)
-    compressions: list[str] = []
-    indexes: list[NDArray[np.void]] = []
-    known: dict[bytes, str] = {}
-    for row, record in enumerate(records):
-        try:
-            first_ns, last_ns, start, length, size = _FIXED.unpack_from(record)
-            at = _FIXED.size + size
-            index_length, letters = _REST.unpack_from(record, at)
-            name = record[at + _REST.size : at + _REST.size + letters]
-            compressed_size, _ = _SIZES.unpack_from(record, at + _REST.size + letters)
-            compression = known.setdefault(name, name.decode())
-        except (struct.error, UnicodeDecodeError):
-            return None
-        numbers_fit = max(start, length, index_length, compressed_size) < 2**63
-        if size % _ENTRY.itemsize or len(record) != at + _REST.size + letters + _SIZES.size or not numbers_fit:
-            return None
-        numbers[row] = start, length, index_length, compressed_size
-        times_ns[row] = first_ns, last_ns
-        compressions.append(compression)
-        indexes.append(np.frombuffer(record, dtype=_ENTRY, count=size // _ENTRY.itemsize, offset=_FIXED.size))
-    order = np.argsort(numbers[:, 0], kind="stable").tolist()
-    indexes = [indexes[row] for row in order]
-    return ChunkTable(
-        numbers=numbers[order],
-        times_ns=times_ns[order],
-        compressions=tuple(compressions[row] for row in order),
-        bounds=np.cumsum([0, *(len(one) for one in indexes)]),
-        indexes=np.concatenate(indexes) if indexes else np.empty(0, dtype=_ENTRY),
+    try:
+        start_ns, end_ns, start, length, size = _FIXED.unpack_from(record)
+        at = _FIXED.size + size
+        index_length, letters = _REST.unpack_from(record, at)
+        compression = record[at + _REST.size : at + _REST.size + letters].decode()
+        compressed_size, _ = _SIZES.unpack_from(record, at + _REST.size + letters)
+    except (struct.error, UnicodeDecodeError):
+        return None
+    fits = max(start, length, index_length, compressed_size) < 2**63
+    if size % _ENTRY.itemsize or len(record) != at + _REST.size + letters + _SIZES.size or not fits:
+        return None
+    return ChunkEntry(
+        start=start,
+        length=length,
+        index_length=index_length,
+        compressed_size=compressed_size,
+        compression={"": "", "lz4": "lz4", "zstd": "zstd"}.get(compression, compression),  # one object for all
+        start_ns=start_ns,
+        end_ns=end_ns,
+        map_start=position + _FIXED.size,
+        map_size=size,
     )

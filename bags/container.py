@@ -117,10 +117,15 @@ class Container:
         for file, summary in self.files:
             wanted = None
             if topics is not None:
-                wanted = [one.id for one in summary.channels.values() if one.topic in topics]
+                wanted = {one.id for one in summary.channels.values() if one.topic in topics}
             with readable(file), FileBytes(file) as source:
-                for entry in summary.chunks.entries(wanted, times_ns):
-                    yield summary.channels, _view(source, entry, wanted)
+                for entry in summary.chunks.entries(times_ns):
+                    indexes = entry.indexes(source)
+                    if wanted is not None and entry.index_length:  # else its writer left the index out
+                        indexes = indexes[[one in wanted for one in indexes["channel_id"].tolist()]]
+                        if not len(indexes):
+                            continue
+                    yield summary.channels, _view(source, entry, indexes, wanted)
 
 
 def open_container(path: Path) -> Container:
@@ -204,7 +209,7 @@ def _information(path: Path) -> dict[str, Any]:
     return information
 
 
-def _view(source: FileBytes, entry: ChunkEntry, wanted: Collection[int] | None) -> ChunkView:
+def _view(source: FileBytes, entry: ChunkEntry, indexes: NDArray[np.void], wanted: Collection[int] | None) -> ChunkView:
     raw = source.read(entry.start, entry.length + entry.index_length)
     opcode, length, _, _, _, crc, letters = _CHUNK_HEAD.unpack_from(raw)
     at = _CHUNK_HEAD.size + letters + _SIZE.size
@@ -219,14 +224,11 @@ def _view(source: FileBytes, entry: ChunkEntry, wanted: Collection[int] | None) 
     data = np.frombuffer(content, dtype=np.uint8)
     if not entry.index_length:  # its writer left the index out
         return ChunkView(data=data, offsets=_walked(content, wanted))
-    return ChunkView(data=data, offsets=_offsets(raw, entry, wanted))
+    return ChunkView(data=data, offsets=_offsets(raw, entry, indexes))
 
 
-def _offsets(raw: bytes, entry: ChunkEntry, wanted: Collection[int] | None) -> dict[int, NDArray[np.int64]]:
+def _offsets(raw: bytes, entry: ChunkEntry, indexes: NDArray[np.void]) -> dict[int, NDArray[np.int64]]:
     """Offsets by channel id out of the MessageIndex records that follow a chunk."""
-    indexes = entry.indexes
-    if wanted is not None:
-        indexes = indexes[[one in wanted for one in indexes["channel_id"].tolist()]]
     places = indexes["offset"] - entry.start
     if not len(places):
         return {}

@@ -25,7 +25,7 @@ from bags.team_record import TeamRecord
 from dgu_sim.grid import Link
 from dgu_sim.relay import RelayEvent
 
-WINDOW_STEPS = 5000
+WINDOW_STEPS = 2000
 _STATE_TOPIC = re.compile(r"/dgu_(\d+)/state")
 _RECEIVED_TOPIC = re.compile(r"/dgu_(\d+)/received/dgu_(\d+)")
 _T = TypeVar("_T")

@@ -7,7 +7,7 @@ from typing import Any, final
 from mcap.opcode import Opcode
 from mcap.records import Channel, Footer, Schema, Statistics
 
-from bags.chunk_table import ChunkTable, chunk_table
+from bags.chunk_table import ChunkEntry, ChunkTable, chunk_table, read_entry
 from bags.file_bytes import FileBytes
 from bags.frames import FRAME, HEAD, MAGIC, ends_with_magic, read_frame
 
@@ -61,12 +61,15 @@ def summary_of(source: FileBytes) -> SummarySection | str:
 
 def _parse_summary(source: FileBytes, footer: Footer, end: int) -> SummarySection | str:
     found: dict[int, list[Any]] = {}
-    chunks: list[bytes] = []
+    chunks: list[ChunkEntry] = []
     at = footer.summary_start
     while at < end:
         opcode, length = HEAD.unpack(source.read(at, FRAME).ljust(FRAME, b"\0"))
         if opcode == Opcode.CHUNK_INDEX and at + FRAME + length <= end:
-            chunks.append(source.read(at + FRAME, length))
+            entry = read_entry(source.read(at + FRAME, length), at + FRAME)
+            if entry is None:
+                return f"the summary holds no sound chunk index at {at}"
+            chunks.append(entry)
             at += FRAME + length
             continue
         frame = read_frame(source, at, end)
@@ -74,16 +77,13 @@ def _parse_summary(source: FileBytes, footer: Footer, end: int) -> SummarySectio
             return f"the summary holds no sound record at {at}"
         found.setdefault(frame.opcode, []).append(frame.record)
         at = frame.end
-    table = chunk_table(chunks)
-    if table is None:
-        return "the summary holds a chunk index that is none"
     statistics = found.get(Opcode.STATISTICS, [None])
     return SummarySection(
         start=footer.summary_start,
         checked=bool(footer.summary_crc),
         schemas={one.id: one for one in found.get(Opcode.SCHEMA, ())},
         channels={one.id: one for one in found.get(Opcode.CHANNEL, ())},
-        chunks=table,
+        chunks=chunk_table(chunks),
         attachments=tuple(one.offset for one in found.get(Opcode.ATTACHMENT_INDEX, ())),
         metadata=tuple(one.offset for one in found.get(Opcode.METADATA_INDEX, ())),
         statistics=statistics[0],
