@@ -57,6 +57,11 @@ class Timeline:
         """T_s [s]."""
         return self.run.sampling_period_sec
 
+    @property
+    def labelled(self) -> bool:
+        """Whether the bag says what was attacked: one without truth and without attacks comes from outside."""
+        return self.truth or bool(self.attacks)
+
     def attack_intervals(self, link: Link) -> tuple[tuple[int, int], ...]:
         """Steps [start, stop) of the attacks on a link."""
         return self.run.attack_intervals(link, self.steps)

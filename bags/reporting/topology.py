@@ -56,18 +56,20 @@ def drawing(timeline: Timeline, assessment: Assessment) -> Drawing:
     nodes = {dgu: _place(number, len(dgus), dgu) for number, dgu in enumerate(dgus)}
     arrows = []
     for found in sorted(assessment.links, key=lambda one: bool(one.episodes)):
-        state, title = _state(found.monitored, [one.detected for one in found.episodes], found.rates.false_alarms)
+        state, title = _state(
+            found.monitored, [one.detected for one in found.episodes], found.rates.false_alarms, timeline.labelled
+        )
         path = _path(nodes[found.link.source], nodes[found.link.target], radius)
         arrows.append(Arrow(path=path, state=state, title=f"{_name(found.link)}: {title}"))
     return Drawing(nodes=tuple(nodes.values()), arrows=tuple(arrows), radius=radius)
 
 
-def _state(monitored: bool, seen: list[bool], false_alarms: int) -> tuple[str, str]:  # noqa: FBT001 - a fact of the link
+def _state(monitored: bool, seen: list[bool], alarms: int, labelled: bool) -> tuple[str, str]:  # noqa: FBT001 - facts
     if seen:
         return ("hit" if all(seen) else "missed"), f"{sum(seen)} of {len(seen)} attacks seen"
-    if false_alarms:
-        return "false", f"not attacked, {false_alarms} false alarm(s)"
-    return ("quiet", "not attacked, not accused") if monitored else ("unmonitored", "not monitored")
+    if alarms:
+        return "false", f"not attacked, {alarms} false alarm(s)" if labelled else f"{alarms} alarm(s)"
+    return ("quiet", "not accused") if monitored else ("unmonitored", "not monitored")
 
 
 def _place(number: int, count: int, dgu: int) -> Node:

@@ -70,6 +70,9 @@ def test_sparse_runs_have_a_report_too(record: RunRecord, tmp_path: Path) -> Non
     )
     text = write_report([foreign], record.steps, tmp_path / "a", ReportOptions()).html.read_text(encoding="utf-8")
     assert "No ground truth" in text
+    assert "not known whether attacked" in text
+    assert "No attack in this run" not in text
+    assert "accused without attack" not in text
     assert "refused: no data" in text
     names = ["x", "load_current", "reference", "alpha", "y", "received", "delivered"]
     names += ["phase", "alarm", "estimate", "residual", "threshold"]

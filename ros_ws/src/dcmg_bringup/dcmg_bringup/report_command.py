@@ -91,8 +91,9 @@ def _lines(made: Report) -> list[str]:
     overall = made.assessment.overall.get(made.assessment.main)
     if overall is not None:
         rate = overall.rates.false_alarm_rate
+        alarms = "false alarms" if made.timeline.labelled else "alarms (not known whether false)"
         lines.append(
-            f"false alarms: {overall.rates.false_alarms}; {share(rate.value)} of {overall.rates.quiet_samples} "
+            f"{alarms}: {overall.rates.false_alarms}; {share(rate.value)} of {overall.rates.quiet_samples} "
             f"quiet samples {interval(rate, percent=True)}"
         )
         if made.assessment.attacks:
