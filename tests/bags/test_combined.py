@@ -93,6 +93,28 @@ def test_what_hides_from_one_test_is_named_by_another(attack: str) -> None:
     assert _excursion(block) < 0.01  # 0.5 A falsified would move the buses by 25 mV in these 3 s, and on without end
 
 
+@pytest.mark.parametrize("estimator", ["op_uie", "cl_uie", "delayed"])
+def test_any_estimator_feeds_the_plausibility_test(estimator: str, tmp_path: Path) -> None:
+    """Inputs reconstructed from outputs alone, or with a delay, name the hidden attack too, in run and replay."""
+    scenario = _scenario(
+        _attack("kind: uio_stealthy_trajectory, link: 1-2, voltage_v: 0.1, current_a: 0.5"),
+        f"monitor.plausibility.estimator={{kind: {estimator}}}",
+        "history.samples=60",
+        "duration_sec=4",
+    )
+    record = read_run(simulate_to_bag(scenario, tmp_path / "bag"))
+    assert record.combined is not None
+    assert record.combined.inputs is not None
+    accused = record.combined.verdict.accused
+    assert not accused[:START].any()
+    assert _named(scenario, accused) == {"1-2"}
+    again = replay(record).combined
+    assert again is not None
+    assert again.inputs is not None
+    np.testing.assert_array_equal(again.inputs.input, record.combined.inputs.input)
+    np.testing.assert_array_equal(again.verdict.accused, accused)
+
+
 def test_the_response_keeps_the_grid_where_it_was() -> None:
     """Left out within 1 s, the falsified current moves no bus by more than a third of what it does unhindered."""
     scenario = _scenario(_attack("kind: uio_stealthy_trajectory, link: 1-2, current_a: 0.5"))
