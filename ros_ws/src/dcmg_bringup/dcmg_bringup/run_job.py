@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import signal
 from dataclasses import dataclass, field
 from importlib import resources
 from typing import TYPE_CHECKING, Protocol
@@ -125,23 +126,26 @@ def _follow(wiring: Wiring, group: ProcessGroup, bag: Path, display: Display) ->
             display.alarm(f"t = {seconds:7.2f} s  {_in_words(alarm, by_team=topic in accusations)}")
 
     alarms = [topic.name for topic in wiring.topics.all if topic.type_name == "dcmg_msgs/msg/Alarm"]
+    told: list[int] = []
+    # KeyboardInterrupt could hit in the middle of rclpy's C++, which makes another error of it
+    before = signal.signal(signal.SIGINT, lambda number, _: told.append(number))
     view = ViewNode(alarms, on_alarm)
-    death, stalled, interrupted = None, False, False
+    death, stalled = None, False
     try:
-        while not (view.end or death or stalled):
+        while not (view.end or death or stalled or told):
             view.spin(_SPIN_SEC)
             display.steps(view.progress.steps)
             death, stalled = group.death(), bool(view.progress.waiting_for)
             if death is None and group.wait(0.0):
                 break
-        view.close()  # the recorder waits until nobody listens to the end of the run
-        if not (death or stalled):
+        if not told:
+            view.close()  # the recorder waits until nobody listens to the end of the run
+        if not (death or stalled or told):
             group.wait(_EXIT_GRACE_SEC)
-    except KeyboardInterrupt:
-        interrupted = True
     finally:
         group.stop()
         view.close()
+        signal.signal(signal.SIGINT, before)
     steps = _recorded_steps(bag, wiring)
     display.steps(steps)
     failure = None
@@ -156,7 +160,7 @@ def _follow(wiring: Wiring, group: ProcessGroup, bag: Path, display: Display) ->
         lost=0 if view.end is None else view.end.lost,
         deadline_misses=view.pacing.deadline_misses,
         failure=failure,
-        interrupted=interrupted,
+        interrupted=bool(told),
     )
 
 
