@@ -31,7 +31,7 @@ def rows(bag: Bag, topic: str) -> Iterator[dict[str, Any]]:
     for time_ns, data in bag.messages(topic):
         try:
             message = typestore().deserialize_cdr(data, type_name)
-        except Exception as error:
+        except Exception as error:  # rosbags raises whatever the damaged bytes lead to
             raise BagError(f"{bag.path}: {topic} holds a message that is no {type_name} ({error})") from error
         yield {"time_ns": time_ns, **taken(message)}
 
