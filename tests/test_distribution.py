@@ -39,8 +39,8 @@ def test_wheel_holds_every_module(wheel_files: set[str]) -> None:
 
 
 def test_wheel_holds_the_message_definitions(wheel_files: set[str]) -> None:
-    """The link bags/msg becomes real files: bags are written and read without the ROS workspace."""
-    messages = {f"bags/msg/{path.name}" for path in (ROOT / "ros_ws/src/dcmg_msgs/msg").glob("*.msg")}
+    """The link bags/mcap/msg becomes real files: bags are written and read without the ROS workspace."""
+    messages = {f"bags/mcap/msg/{path.name}" for path in (ROOT / "ros_ws/src/dcmg_msgs/msg").glob("*.msg")}
     assert messages
     assert messages <= wheel_files
 

@@ -7,7 +7,7 @@ from typing import Any, TypeAlias, cast, final
 
 from rosbags.interfaces import Nodetype
 
-from bags.errors import BagError
+from bags.mcap.errors import BagError
 
 # fields of each message type by name, as rosbags keeps them: (name, (node type, description)) each
 Definitions: TypeAlias = Mapping[str, Sequence[tuple[str, Any]]]

@@ -8,11 +8,11 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from bags.errors import BagError
 from bags.foreign.mapping import SamplingSettings, Signal
 from bags.foreign.recordings import Recording
 from bags.foreign.regularity import Regularity, detected_period_ns, regularity
 from bags.foreign.sampling import Policy, Row, Sampler, SamplerState, Values
+from bags.mcap.errors import BagError
 
 _MOST_ROWS_A_MESSAGE = 1000  # more than that: the stamps jump
 _REPORT_EVERY = 1000  # messages

@@ -9,17 +9,17 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from bags.codecs import OutputCodec
-from bags.errors import BagError
 from bags.foreign.gridding import Grid, put_on_grid
 from bags.foreign.mapping import HistoryMapping, Mapping, Signal
 from bags.foreign.recordings import read_recordings
-from bags.histories import read_all_histories
-from bags.origin import MONITOR_ATTACHMENT, attach_versions
-from bags.records import HistoryRecord
-from bags.schema import RunTopics, run_topics
-from bags.writer import BagWriter
-from bags.yaml_text import dump
+from bags.mcap.errors import BagError
+from bags.mcap.writer import BagWriter
+from bags.mcap.yaml_text import dump
+from bags.runs.origin import MONITOR_ATTACHMENT, attach_versions
+from bags.watch.histories import read_all_histories
+from bags.wire.codecs import OutputCodec
+from bags.wire.records import HistoryRecord
+from bags.wire.schema import RunTopics, run_topics
 from dgu_sim.records import Sample
 
 MAPPING_ATTACHMENT = "mapping.yaml"

@@ -7,9 +7,9 @@ from typing import Annotated, Any, Self
 
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
-from bags.errors import BagError
 from bags.foreign.sampling import Policy
 from bags.foreign.units import factor_of
+from bags.mcap.errors import BagError
 from dgu_sim.errors import ScenarioError
 from dgu_sim.explain import explain
 from dgu_sim.grid import Link

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 from rosbags.highlevel import AnyReader
 from rosbags.interfaces import Connection
 
-from bags.errors import BagError
 from bags.foreign.fields import Definitions, FieldPath
 from bags.foreign.mapping import Mapping, Stamps
 from bags.foreign.tables import is_table, read_columns
-from bags.typestore import typestore
+from bags.mcap.errors import BagError
+from bags.mcap.typestore import typestore
 
 HEADER = ("header", "std_msgs/msg/Header")
 _SECOND_NS = 1_000_000_000

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from bags.errors import BagError
+from bags.mcap.errors import BagError
 
 _SUFFIXES = (".csv", ".parquet")
 

@@ -2,7 +2,7 @@
 
 import re
 
-from bags.errors import BagError
+from bags.mcap.errors import BagError
 
 _PREFIXES = {"n": 1e-9, "u": 1e-6, "µ": 1e-6, "m": 1e-3, "": 1.0, "k": 1e3, "M": 1e6}
 _BASES = ("V s", "V*s", "Vs", "Wb", "V", "A", "s", "W", "Ohm", "1")

@@ -7,14 +7,14 @@ from math import isfinite, nan
 from pathlib import Path
 from typing import NamedTuple, final
 
-from bags.convert import design_record, history_of
-from bags.errors import BagError
 from bags.foreign.fields import FieldPath
 from bags.foreign.mapping import Mapping, Signal, StreamMapping
 from bags.foreign.sampling import Row, Values
-from bags.histories import read_histories
-from bags.records import DesignRecord, HistoryRecord
-from bags.schema import RunTopics, run_topics
+from bags.mcap.errors import BagError
+from bags.watch.histories import read_histories
+from bags.wire.convert import design_record, history_of
+from bags.wire.records import DesignRecord, HistoryRecord
+from bags.wire.schema import RunTopics, run_topics
 from dgu_sim.grid import Link
 from dgu_sim.records import Sample
 from monitor import detectors, observers

@@ -8,11 +8,11 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from bags.convert import history_of
-from bags.histories import read_histories
-from bags.records import HistoryRecord
-from bags.schema import run_topics
-from bags.writer import BagWriter
+from bags.mcap.writer import BagWriter
+from bags.watch.histories import read_histories
+from bags.wire.convert import history_of
+from bags.wire.records import HistoryRecord
+from bags.wire.schema import run_topics
 from monitor import input_reconstruction, observers
 from monitor.history import History
 from monitor.input_reconstruction import InputDesign

@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from bags.golden.examples import EXAMPLES, result_of, write_example
-from bags.offline import simulate_to_bag
-from bags.reader import read_run
-from bags.report import summary
+from bags.reporting.report import summary
+from bags.runs.offline import simulate_to_bag
+from bags.runs.reader import read_run
 from dgu_sim.scenario import load_scenario
 
 _FOLDER = Path(__file__).parent

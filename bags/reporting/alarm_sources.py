@@ -7,8 +7,8 @@ from typing import TypeAlias, final
 import numpy as np
 from numpy.typing import NDArray
 
-from bags.run_record import RunRecord
-from bags.stream import Spoofed
+from bags.runs.run_record import RunRecord
+from bags.wire.stream import Spoofed
 from dgu_sim.grid import Link
 
 MAIN = "residual"

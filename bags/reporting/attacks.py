@@ -3,7 +3,7 @@
 from dataclasses import dataclass
 from typing import final
 
-from bags.run_record import RunRecord
+from bags.runs.run_record import RunRecord
 from dgu_sim.grid import Link
 from dgu_sim.relay import Action
 

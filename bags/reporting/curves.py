@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bags.reporting.fold import Envelope
-from bags.run_record import RunRecord
+from bags.runs.run_record import RunRecord
 from monitor.measures import score
 
 _MOST_NUMBERS = 400_000  # of all curves together: about 3 MB of the page

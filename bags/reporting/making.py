@@ -5,10 +5,10 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, final
 
-from bags.origin import HOST_ATTACHMENT, VERSIONS_ATTACHMENT
+from bags.mcap.yaml_text import dump, load
 from bags.reporting.wording import certificate_lines
-from bags.run_record import RunRecord
-from bags.yaml_text import dump, load
+from bags.runs.origin import HOST_ATTACHMENT, VERSIONS_ATTACHMENT
+from bags.runs.run_record import RunRecord
 from monitor import detectors
 from monitor.errors import MonitorError
 

@@ -7,13 +7,13 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
+from bags.mcap.yaml_text import load
 from bags.reporting.alarm_sources import MAIN, SOURCES, VERDICT
 from bags.reporting.attacks import Attack, attacks_of
 from bags.reporting.curves import Curves
 from bags.reporting.fold import fold, stretches_of
 from bags.reporting.options import ReportOptions
-from bags.run_record import RunRecord
-from bags.yaml_text import load
+from bags.runs.run_record import RunRecord
 from dgu_sim.grid import Link
 from monitor.detectors import Phase
 from monitor.measures import ErrorSums, GridImpact, grid_impact, score, under_attack

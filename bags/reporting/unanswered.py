@@ -2,9 +2,9 @@
 
 from dataclasses import fields
 
-from bags.avoided import without_response
-from bags.errors import BagError
+from bags.mcap.errors import BagError
 from bags.reporting.timeline import Timeline
+from bags.runs.avoided import without_response
 from dgu_sim.errors import DguSimError
 from dgu_sim.relay import Origin
 from dgu_sim.scenario import parse_scenario

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, final
 
-from bags.errors import BagError
+from bags.mcap.errors import BagError
 from bags.reporting.assessment import Assessment, assess
 from bags.reporting.making import making_of
 from bags.reporting.options import ReportOptions
@@ -14,7 +14,7 @@ from bags.reporting.page import page
 from bags.reporting.plain import plain
 from bags.reporting.timeline import Timeline, gather
 from bags.reporting.unanswered import unanswered
-from bags.run_record import RunRecord
+from bags.runs.run_record import RunRecord
 
 HTML_NAME, JSON_NAME = "report.html", "report.json"
 

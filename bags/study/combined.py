@@ -7,12 +7,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bags.combined import design_combined
-from bags.convert import history_of
-from bags.histories import histories_of_run
-from bags.monitors import MonitorArrays
-from bags.schema import RunTopics, parts_of, topics_of
 from bags.study.settings import StudyObserver
+from bags.watch.combined import design_combined
+from bags.watch.histories import histories_of_run
+from bags.watch.monitors import MonitorArrays
+from bags.wire.convert import history_of
+from bags.wire.schema import RunTopics, parts_of, topics_of
 from dgu_sim.scenario import Scenario
 from dgu_sim.settings import DetectorSettings, MonitorSettings
 from monitor.combined import CombinedDesign, DguOutput, Own, Received

@@ -8,8 +8,8 @@ import numpy as np
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
-from bags.convert import history_of
-from bags.histories import histories_of_run
+from bags.watch.histories import histories_of_run
+from bags.wire.convert import history_of
 from dgu_sim.matrices import continuous, discretise
 from dgu_sim.plant import Coupling
 from dgu_sim.scenario import Scenario

@@ -1,6 +1,6 @@
 """The error of a study."""
 
-from bags.errors import BagError
+from bags.mcap.errors import BagError
 
 
 class StudyError(BagError):

@@ -12,12 +12,12 @@ import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from bags.monitors import MonitorArrays, RunMonitors, group_monitors
 from bags.study.cells import Cell
 from bags.study.combined import Signals, combined_settings, conclude
 from bags.study.designs import StudyDesign, design_for
 from bags.study.impact import Impact, impact_of
 from bags.study.settings import NO_ATTACK
+from bags.watch.monitors import MonitorArrays, RunMonitors, group_monitors
 from dgu_sim.scenario import Scenario
 from dgu_sim.simulate import simulate
 from monitor import detectors

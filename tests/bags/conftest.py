@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from bags.offline import simulate_to_bag
-from bags.reader import read_run
-from bags.run_record import RunRecord
-from bags.schema import RunTopics, run_topics
+from bags.runs.offline import simulate_to_bag
+from bags.runs.reader import read_run
+from bags.runs.run_record import RunRecord
+from bags.wire.schema import RunTopics, run_topics
 from dgu_sim.scenario import Scenario, parse_scenario
 
 _SCENARIO = """

@@ -5,12 +5,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bags.check import check
 from bags.golden import EXAMPLES, GOLDEN, expected_of, golden_path, record_golden
 from bags.golden.examples import result_of
-from bags.reader import read_run
-from bags.replay import replay
-from bags.report import summary
+from bags.mcap.check import check
+from bags.reporting.report import summary
+from bags.runs.reader import read_run
+from bags.runs.replay import replay
 from dgu_sim.grid import Link
 from monitor.detectors import Phase
 

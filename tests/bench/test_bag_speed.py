@@ -10,15 +10,15 @@ from mcap.writer import CompressionType, Writer
 from mcap_ros2.decoder import DecoderFactory
 from rosbags.highlevel import AnyReader
 
-from bags.bag import open_bag
-from bags.offline import simulate_to_bag
-from bags.packing import Compression
-from bags.reader import open_run, read_run
-from bags.recording import ChunkPreset, Recording
-from bags.replay import replay
-from bags.schema import run_topics
-from bags.writer import BagWriter
-from dcmg_bringup.shipped import scenario_path
+from bags.mcap.bag import open_bag
+from bags.mcap.packing import Compression
+from bags.mcap.recording import ChunkPreset, Recording
+from bags.mcap.writer import BagWriter
+from bags.runs.offline import simulate_to_bag
+from bags.runs.reader import open_run, read_run
+from bags.runs.replay import replay
+from bags.wire.schema import run_topics
+from dcmg.shipped import scenario_path
 from dgu_sim.scenario import load_scenario
 
 pytestmark = pytest.mark.bench

@@ -10,9 +10,9 @@ from pathlib import Path
 
 import pytest
 
-from bags.bag import open_bag
-from bags.check import check
-from bags.repair import repair
+from bags.mcap.bag import open_bag
+from bags.mcap.check import check
+from bags.mcap.repair import repair
 
 pytestmark = pytest.mark.bench
 
@@ -23,9 +23,9 @@ RATE = 1000  # messages a second
 RECORDER = """
 import mmap, struct, sys, time
 from pathlib import Path
-from bags.recording import ChunkPreset, Recording
-from bags.schema import run_topics
-from bags.writer import open_recording
+from bags.mcap.recording import ChunkPreset, Recording
+from bags.wire.schema import run_topics
+from bags.mcap.writer import open_recording
 topics = run_topics((1,), (), 10_000_000)
 state = topics.state(1)
 data = state.layout.template(1).tobytes()

@@ -12,9 +12,9 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from bags.offline import simulate_to_bag
+from bags.runs.offline import simulate_to_bag
+from dcmg.shipped import scenario_path
 from dcmg_bringup.domain import choose_domain
-from dcmg_bringup.shipped import scenario_path
 from dgu_sim.scenario import load_scenario
 
 if TYPE_CHECKING:

@@ -19,7 +19,7 @@ RUN = """
 import sys, time
 from pathlib import Path
 from dcmg_bringup.run_job import RunOptions, run_job
-from dcmg_bringup.shipped import scenario_path
+from dcmg.shipped import scenario_path
 from dgu_sim.scenario import load_scenario
 
 class Stopwatch:
@@ -54,8 +54,8 @@ def test_lockstep_run(tmp_path: Path, shape: str, duration_sec: int, wanted: flo
 SIMULATE = """
 import sys, time
 from pathlib import Path
-from bags.offline import simulate_to_bag
-from dcmg_bringup.shipped import scenario_path
+from bags.runs.offline import simulate_to_bag
+from dcmg.shipped import scenario_path
 from dgu_sim.scenario import load_scenario
 
 scenario = load_scenario(scenario_path("gallo_six_dgu"), ["duration_sec=100"])

@@ -8,9 +8,9 @@ import shlex
 import pytest
 from typer.testing import CliRunner
 
+from dcmg.errors import CommandError
 from dcmg_bringup.attack_commands import app
 from dcmg_bringup.attack_words import EXAMPLES, parameters_of, parse_order
-from dcmg_bringup.errors import BringupError
 from dgu_sim.attacks import KINDS
 from dgu_sim.errors import AttackError
 from dgu_sim.grid import Link
@@ -51,7 +51,7 @@ def test_links_and_parameters_become_an_order() -> None:
 )
 def test_wrong_words_are_refused_in_one_line(words: list[str], said: str) -> None:
     """Before anything is sent."""
-    with pytest.raises((BringupError, AttackError)) as caught:
+    with pytest.raises((CommandError, AttackError)) as caught:
         parse_order(words)
     assert said in str(caught.value)
     assert "\n" not in str(caught.value)

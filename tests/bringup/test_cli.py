@@ -9,9 +9,9 @@ from pathlib import Path
 
 import pytest
 
-from bags.reader import read_run
+from bags.runs.reader import read_run
+from dcmg.shipped import scenario_path, shipped_scenarios
 from dcmg_bringup.cli import main
-from dcmg_bringup.shipped import scenario_path, shipped_scenarios
 from dgu_sim.scenario import load_scenario
 
 Outcome = tuple[int, str, str]

@@ -5,10 +5,10 @@ from pathlib import Path
 
 import numpy as np
 
-from bags.offline import simulate_to_bag
-from bags.reader import read_run
-from bags.replay import replay
-from dcmg_bringup.shipped import scenario_path
+from bags.runs.offline import simulate_to_bag
+from bags.runs.reader import read_run
+from bags.runs.replay import replay
+from dcmg.shipped import scenario_path
 from dgu_sim.scenario import load_scenario
 from monitor.detectors import Phase
 

@@ -8,7 +8,7 @@ import pytest
 from dgu_sim.scenario import Scenario, load_scenario
 
 ROOT = Path(__file__).resolve().parents[2]
-SCENARIOS = ROOT / "ros_ws" / "src" / "dcmg_bringup" / "dcmg_bringup" / "scenarios"
+SCENARIOS = ROOT / "dcmg" / "scenarios"
 
 
 @pytest.fixture(scope="session")

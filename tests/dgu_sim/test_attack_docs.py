@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bags.convert import history_of
-from bags.histories import histories_of_run
-from bags.monitors import design_monitors
-from bags.schema import run_topics
+from bags.watch.histories import histories_of_run
+from bags.watch.monitors import design_monitors
+from bags.wire.convert import history_of
+from bags.wire.schema import run_topics
 from dgu_sim import settings as settings_module
 from dgu_sim.attacks import KINDS, Attack
 from dgu_sim.attacks import registry as registry_module

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from bags.convert import history_of
-from bags.histories import histories_of_run, recorded_states, true_histories, write_histories
+from bags.watch.histories import histories_of_run, recorded_states, true_histories, write_histories
+from bags.wire.convert import history_of
 from dgu_sim.errors import AttackError, ScenarioError
 from dgu_sim.scenario import Scenario
 from dgu_sim.simulate import relay_of, simulate

@@ -152,4 +152,4 @@ def dgu_history() -> Callable[..., History]:
 def scenario_path() -> Path:
     """The shipped scenario of the six-DGU grid."""
     root = Path(__file__).parents[2]
-    return root / "ros_ws/src/dcmg_bringup/dcmg_bringup/scenarios/gallo_six_dgu.yaml"
+    return root / "dcmg/scenarios/gallo_six_dgu.yaml"

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from bags.convert import history_of, history_records
+from bags.wire.convert import history_of, history_records
 from dgu_sim import load_scenario, run_experiments
 from monitor.errors import MonitorError
 from monitor.history import History, data_matrices, single

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from dcmg_bringup.papers import data_gap
+from dcmg.papers import data_gap
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from dcmg_bringup.papers import delayed
-from dcmg_bringup.papers.turan_2021 import DGUS, T_S
+from dcmg.papers import delayed
+from dcmg.papers.turan_2021 import DGUS, T_S
 from dgu_sim.matrices import continuous, discretise
 from monitor.delayed import design, model_of
 from monitor.delayed.model_based import design_from_model

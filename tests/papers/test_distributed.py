@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from dcmg_bringup.papers import dduio, dduio_grid, team_grid
+from dcmg.papers import dduio, dduio_grid, team_grid
 
 if TYPE_CHECKING:
     from pathlib import Path

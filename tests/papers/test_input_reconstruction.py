@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from dcmg_bringup.papers import uie, uie_co2
+from dcmg.papers import uie, uie_co2
 from monitor.input_reconstruction import design
 
 if TYPE_CHECKING:

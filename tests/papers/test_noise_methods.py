@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dcmg_bringup.papers import noise_methods
+from dcmg.papers import noise_methods
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import pytest
 
-from dcmg_bringup.papers import ruio_example
+from dcmg.papers import ruio_example
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from dcmg_bringup.papers import turan_2021
+from dcmg.papers import turan_2021
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from dcmg_bringup.papers import which_observer
+from dcmg.papers import which_observer
 from monitor import input_estimators, observers
 
 if TYPE_CHECKING:

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 import psutil
 import pytest
 
-from dcmg_bringup.shipped import scenario_path
+from dcmg.shipped import scenario_path
 from dgu_sim.scenario import load_scenario
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bags.reader import read_run
+from bags.runs.reader import read_run
 from dgu_sim.grid import Link
 from dgu_sim.relay import Action
 

@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING, Any
 import pytest
 from mcap.reader import make_reader
 
-from bags.reader import read_run
-from dcmg_bringup.shipped import scenario_path
+from bags.runs.reader import read_run
+from dcmg.shipped import scenario_path
 from dgu_sim.grid import Link
 from dgu_sim.scenario import load_scenario
 

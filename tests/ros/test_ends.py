@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import psutil
 import pytest
 
-from bags.reader import read_run
+from bags.runs.reader import read_run
 
 if TYPE_CHECKING:
     from collections.abc import Callable

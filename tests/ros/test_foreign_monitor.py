@@ -15,20 +15,20 @@ import pytest
 from rosbags.interfaces import Nodetype
 from typer.testing import CliRunner
 
-from bags.check import check
-from bags.errors import BagError
 from bags.foreign.fields import FieldPath
 from bags.foreign.importing import import_streams
 from bags.foreign.mapping import load_mapping
-from bags.histories import write_histories
-from bags.reader import read_run
-from bags.replay import replay
-from bags.typestore import typestore
+from bags.mcap.check import check
+from bags.mcap.errors import BagError
+from bags.mcap.typestore import typestore
+from bags.runs.reader import read_run
+from bags.runs.replay import replay
+from bags.watch.histories import write_histories
+from dcmg.hardware.bags import ATTACK_SEC
+from dcmg.shipped import scenario_path
 from dcmg_bringup.cli import app
 from dcmg_bringup.domain import choose_domain
-from dcmg_bringup.hardware.bags import ATTACK_SEC
 from dcmg_bringup.run_job import ros_environment
-from dcmg_bringup.shipped import scenario_path
 from dcmg_nodes.errors import NodeError
 from dcmg_nodes.foreign_types import definitions_of_class, foreign_class
 from dgu_sim.scenario import load_scenario

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from bags.reader import read_run
-from bags.replay import replay
+from bags.runs.reader import read_run
+from bags.runs.replay import replay
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping

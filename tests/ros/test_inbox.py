@@ -5,8 +5,8 @@ from __future__ import annotations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bags.schema import RunTopics, run_topics
-from bags.topic import TopicKind
+from bags.mcap.topic import TopicKind
+from bags.wire.schema import RunTopics, run_topics
 from dcmg_nodes.assembler import Assembler
 from dcmg_nodes.inbox import Inbox
 from dgu_sim.grid import Link

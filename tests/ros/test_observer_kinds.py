@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from bags.reader import read_run
-from bags.replay import replay
+from bags.runs.reader import read_run
+from bags.runs.replay import replay
 from dgu_sim.grid import Link
 
 if TYPE_CHECKING:

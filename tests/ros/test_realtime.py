@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 
 import pytest
 
-from bags.reader import read_run
+from bags.runs.reader import read_run
 
 if TYPE_CHECKING:
     from collections.abc import Callable

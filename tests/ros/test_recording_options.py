@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from typing import TYPE_CHECKING, Any
 
-from bags.bag import open_bag
-from bags.check import check
+from bags.mcap.bag import open_bag
+from bags.mcap.check import check
 
 if TYPE_CHECKING:
     from collections.abc import Callable

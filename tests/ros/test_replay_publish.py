@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 
 from mcap.reader import make_reader
 
-from bags.bag import open_bag
 from bags.golden import golden_path
+from bags.mcap.bag import open_bag
 from dcmg_bringup.domain import choose_domain, running_systems
 
 if TYPE_CHECKING:

@@ -15,8 +15,8 @@ import pytest
 from mcap.reader import make_reader
 
 from bags import golden
-from bags.reader import read_run
-from bags.replay import replay
+from bags.runs.reader import read_run
+from bags.runs.replay import replay
 from dcmg_bringup.domain import running_systems
 from dcmg_bringup.run_job import ros_environment
 from dgu_sim.grid import Link

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from bags.offline import simulate_to_bag
-from bags.playback import Selection, open_playback
-from dcmg_bringup.shipped import scenario_path
+from bags.runs.offline import simulate_to_bag
+from bags.runs.playback import Selection, open_playback
+from dcmg.shipped import scenario_path
 from dcmg_nodes.stand_in import doubled_steps, intervals_of, live_topics
 from dcmg_nodes.wiring import Wiring, wiring_of
 from dgu_sim.grid import Link

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 from mcap.reader import make_reader
 
-from bags.reader import read_run
-from dcmg_bringup.shipped import scenario_path
+from bags.runs.reader import read_run
+from dcmg.shipped import scenario_path
 from dgu_sim.scenario import load_scenario
 
 if TYPE_CHECKING:

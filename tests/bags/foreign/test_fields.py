@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
-from bags.errors import BagError
 from bags.foreign.fields import FieldPath, numeric_fields
 from bags.foreign.units import factor_of
+from bags.mcap.errors import BagError
 
 TYPE = "lab_msgs/msg/Plant"
 

@@ -10,18 +10,18 @@ import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin, Writer
 
-from bags.bag import open_bag
-from bags.check import check
-from bags.convert import history_of
-from bags.errors import BagError
-from bags.export import TableFormat, export
 from bags.foreign.importing import MAPPING_ATTACHMENT, REPORT_ATTACHMENT, import_histories, import_streams
 from bags.foreign.mapping import Mapping, mapping_of
 from bags.foreign.outline import describe_source
-from bags.histories import read_all_histories, read_histories
-from bags.reader import open_run, read_run
-from bags.replay import replay
-from bags.run_record import RunRecord
+from bags.mcap.bag import open_bag
+from bags.mcap.check import check
+from bags.mcap.errors import BagError
+from bags.runs.reader import open_run, read_run
+from bags.runs.replay import replay
+from bags.runs.run_record import RunRecord
+from bags.tables.export import TableFormat, export
+from bags.watch.histories import read_all_histories, read_histories
+from bags.wire.convert import history_of
 from monitor.history import data_matrices
 
 T = 10_000_000

@@ -7,15 +7,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from bags.errors import BagError
 from bags.foreign.importing import import_histories, import_streams
 from bags.foreign.live import Early, LiveState, live_sampling
 from bags.foreign.mapping import Mapping, mapping_of
 from bags.foreign.sampling import Row
 from bags.foreign.watching import stream_monitors
-from bags.reader import read_run
-from bags.replay import replay
-from bags.run_record import RunRecord
+from bags.mcap.errors import BagError
+from bags.runs.reader import read_run
+from bags.runs.replay import replay
+from bags.runs.run_record import RunRecord
 from monitor.detectors import Phase
 
 T = 10_000_000

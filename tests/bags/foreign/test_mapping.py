@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
-from bags.errors import BagError
 from bags.foreign import mapping as module
 from bags.foreign.mapping import load_mapping, mapping_of
+from bags.mcap.errors import BagError
 
 ROOT = Path(__file__).parents[3]
 SECTIONS: dict[str, type[BaseModel]] = {

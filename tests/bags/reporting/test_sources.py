@@ -5,15 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from bags.combined_arrays import CombinedArrays, VerdictArrays
-from bags.records import StreamRecord
 from bags.reporting.alarm_sources import SOURCES
 from bags.reporting.assessment import assess
 from bags.reporting.options import ReportOptions
 from bags.reporting.page import page
 from bags.reporting.timeline import gather
 from bags.reporting.unanswered import unanswered
-from bags.run_record import RunRecord
+from bags.runs.run_record import RunRecord
+from bags.watch.combined_arrays import CombinedArrays, VerdictArrays
+from bags.wire.records import StreamRecord
 from dgu_sim.relay import Origin
 from dgu_sim.scenario import Scenario, parse_scenario
 

@@ -8,16 +8,16 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from bags.reader import open_run
-from bags.report import summary
 from bags.reporting.assessment import assess
 from bags.reporting.attacks import attacks_of
 from bags.reporting.curves import stretch_length
 from bags.reporting.fold import Envelope
 from bags.reporting.options import ReportOptions
 from bags.reporting.plain import plain
+from bags.reporting.report import summary
 from bags.reporting.timeline import gather
-from bags.run_record import RunRecord
+from bags.runs.reader import open_run
+from bags.runs.run_record import RunRecord
 from dgu_sim.grid import Link
 
 OPTIONS = ReportOptions(block_sec=0.05, aftermath_sec=0.1)

@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bags.errors import BagError
+from bags.mcap.errors import BagError
 from bags.reporting.options import ReportOptions
 from bags.reporting.write import Report, write_report
-from bags.run_record import RunRecord
+from bags.runs.run_record import RunRecord
 from dgu_sim.grid import Link
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from bags.study import Cell, Study, cells_of, load_study
-from dcmg_bringup.shipped import scenario_path
+from dcmg.shipped import scenario_path
 
 TINY = """
 name: tiny

@@ -9,14 +9,14 @@ import pyarrow as pa
 import pytest
 from pyarrow import parquet
 
-from bags.offline import simulate_to_bag
-from bags.reader import read_run
+from bags.runs.offline import simulate_to_bag
+from bags.runs.reader import read_run
 from bags.study import Cell, StudyError, cells_of, compare, load_study, operating_points, run_study
 from bags.study.evaluate import evaluate
 from bags.study.figures import write_results
 from bags.study.settings import NO_ATTACK, Study
-from dcmg_bringup.shipped import scenario_path
-from dcmg_bringup.study_command import shipped_studies
+from dcmg.commands.study import shipped_studies
+from dcmg.shipped import scenario_path
 from dgu_sim.grid import Link
 from dgu_sim.scenario import Scenario
 from monitor.metrics import link_metrics

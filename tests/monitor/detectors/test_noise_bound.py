@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from bags.stacked_observer import StackedObserver
+from bags.watch.stacked_observer import StackedObserver
 from monitor.detectors import build, matched
 from monitor.detectors.noise_bound import NoiseBoundDetector
 from monitor.errors import MonitorError

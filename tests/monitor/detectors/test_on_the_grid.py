@@ -7,10 +7,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from bags.convert import history_of
-from bags.histories import histories_of_run
-from bags.monitors import MonitorArrays, design_monitors
-from bags.schema import run_topics
+from bags.watch.histories import histories_of_run
+from bags.watch.monitors import MonitorArrays, design_monitors
+from bags.wire.convert import history_of
+from bags.wire.schema import run_topics
 from dgu_sim.scenario import load_scenario
 from dgu_sim.simulate import simulate
 from monitor.detectors import Phase

@@ -8,8 +8,8 @@ import os
 from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
+from dcmg.errors import CommandError
 from dcmg_bringup.domain import RunningSystem, running_systems
-from dcmg_bringup.errors import BringupError
 from dcmg_bringup.run_job import ros_environment
 
 if TYPE_CHECKING:
@@ -23,7 +23,7 @@ _FIND_SEC = 5.0
 _ANSWER_SEC = 5.0
 
 
-class AttackClientError(BringupError):
+class AttackClientError(CommandError):
     """No running system, no answer from it, or the attacker refused."""
 
 

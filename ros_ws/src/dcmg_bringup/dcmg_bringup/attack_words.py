@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import yaml
 from pydantic_core import PydanticUndefined
 
-from dcmg_bringup.errors import BringupError
+from dcmg.errors import CommandError
 from dgu_sim.attacks import KINDS, build_attack, known_kind
 from dgu_sim.grid import Link
 
@@ -60,21 +60,21 @@ def parse_order(words: Sequence[str]) -> Order:
     """Read `KIND LINK… --NAME VALUE… …`; several values make a list, every value is YAML (and so JSON).
 
     Raises:
-        BringupError: no kind, no link, or a word that is neither.
+        CommandError: no kind, no link, or a word that is neither.
         dgu_sim.errors.AttackError: the class does not know a parameter, or cannot act on these links.
     """
     if not words or words[0].startswith("-"):
-        raise BringupError(f"expected a kind of attack first, one of {', '.join(KINDS)}")
+        raise CommandError(f"expected a kind of attack first, one of {', '.join(KINDS)}")
     kind, *rest = words
     known_kind(kind)
     first = next((place for place, word in enumerate(rest) if word.startswith("--")), len(rest))
     links = tuple(parse_link(word) for word in rest[:first])
     if not links:
-        raise BringupError(f"{kind} attack: expected the attacked link behind it, from sender to receiver, as in 1-2")
+        raise CommandError(f"{kind} attack: expected the attacked link behind it, from sender to receiver, as in 1-2")
     parameters: dict[str, object] = {}
     for name, values in _options(rest[first:]):
         if name in parameters:
-            raise BringupError(f"{kind} attack: --{name.replace('_', '-')} is given twice")
+            raise CommandError(f"{kind} attack: --{name.replace('_', '-')} is given twice")
         parameters[name] = _value(name, values)
     attack = build_attack(kind, parameters)
     attack.check_links(links)
@@ -85,10 +85,10 @@ def parse_link(word: str) -> Link:
     """Read a link, as in 1-2.
 
     Raises:
-        BringupError: it is none.
+        CommandError: it is none.
     """
     if not _LINK.fullmatch(word):
-        raise BringupError(f"link {word}: expected two DGU numbers, as in 1-2")
+        raise CommandError(f"link {word}: expected two DGU numbers, as in 1-2")
     return Link.parse(word)
 
 
@@ -122,9 +122,9 @@ def _options(words: Sequence[str]) -> list[tuple[str, list[str]]]:
 
 def _value(name: str, words: Sequence[str]) -> object:
     if not words:
-        raise BringupError(f"--{name.replace('_', '-')}: expected a value behind it")
+        raise CommandError(f"--{name.replace('_', '-')}: expected a value behind it")
     try:
         values = [yaml.safe_load(word) for word in words]
     except yaml.YAMLError:
-        raise BringupError(f"--{name.replace('_', '-')} {' '.join(words)}: expected numbers, words or JSON") from None
+        raise CommandError(f"--{name.replace('_', '-')} {' '.join(words)}: expected numbers, words or JSON") from None
     return values[0] if len(values) == 1 else values

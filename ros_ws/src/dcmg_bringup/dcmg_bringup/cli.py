@@ -11,22 +11,17 @@ os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # our matrices are small; a 
 
 import typer
 
-from bags.errors import BagError
-from bags.recording import ChunkPreset
-from dcmg_bringup import (
-    attack_commands,
-    bag_commands,
-    import_commands,
-    jobs,
-    measure_commands,
-    paper_commands,
-    player_commands,
-)
-from dcmg_bringup.avoided_command import avoided
-from dcmg_bringup.design_command import design
-from dcmg_bringup.errors import BringupError
+from bags.mcap.errors import BagError
+from bags.mcap.recording import ChunkPreset
+from dcmg.commands import bag, imports, measure, paper
+from dcmg.commands.avoided import avoided
+from dcmg.commands.design import design
+from dcmg.commands.reconstruct import reconstruct
+from dcmg.commands.report import report
+from dcmg.commands.study import study
+from dcmg.errors import CommandError
+from dcmg_bringup import attack_commands, jobs, player_commands
 from dcmg_bringup.monitor_command import monitor
-from dcmg_bringup.reconstruct_command import reconstruct
 from dcmg_bringup.recording_options import (
     BagBufferMb,
     BagChunks,
@@ -40,9 +35,7 @@ from dcmg_bringup.recording_options import (
     recording_of,
 )
 from dcmg_bringup.replay_command import replay
-from dcmg_bringup.report_command import report
 from dcmg_bringup.soak_command import soak
-from dcmg_bringup.study_command import study
 from dcmg_nodes.errors import NodeError
 from dcmg_nodes.options import NodeOptions, PacingMode
 from dgu_sim.errors import DguSimError
@@ -64,10 +57,10 @@ data-driven unknown-input observers watching; every run ends in a bag that `repl
 Start here: `dcmg scenarios`, then `dcmg run gallo_six_dgu`.""",
 )
 app.add_typer(attack_commands.app, name="attack")
-app.add_typer(paper_commands.app, name="paper")
-app.add_typer(measure_commands.app, name="measure")
-app.add_typer(bag_commands.app, name="bag")
-app.add_typer(import_commands.app, name="import")
+app.add_typer(paper.app, name="paper")
+app.add_typer(measure.app, name="measure")
+app.add_typer(bag.app, name="bag")
+app.add_typer(imports.app, name="import")
 app.add_typer(player_commands.app, name="player")
 app.command("avoided")(avoided)
 app.command("design")(design)
@@ -254,7 +247,7 @@ def main() -> None:
     """Run the command; an expected error becomes one line on standard error and exit code 2."""
     try:
         app()
-    except (BagError, BringupError, DguSimError, MonitorError, NodeError) as error:
+    except (BagError, CommandError, DguSimError, MonitorError, NodeError) as error:
         sys.stderr.write(f"dcmg: {error}\n")
         sys.exit(_EXIT_ERROR)
 

@@ -16,7 +16,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dcmg_bringup.errors import BringupError
+from dcmg.errors import CommandError
 
 if TYPE_CHECKING:
     from collections.abc import Iterator
@@ -26,7 +26,7 @@ DOMAINS = range(1, 102)
 _PORT_BASE, _PORTS_PER_DOMAIN, _FIRST_UNICAST, _CHECKED_PORTS = 7400, 250, 10, 4
 
 
-class DomainError(BringupError):
+class DomainError(CommandError):
     """No ROS domain is free, or the one asked for is taken."""
 
 

@@ -12,19 +12,19 @@ from rich.console import Console
 from rich.progress import Progress
 from rich.table import Table
 
-from dcmg_bringup.errors import BringupError
-from dcmg_bringup.live import LiveDisplay
-from dcmg_bringup.shipped import scenario_path, shipped_scenarios
+from dcmg.errors import CommandError
+from dcmg.live import LiveDisplay
+from dcmg.shipped import scenario_path, shipped_scenarios
 from dcmg_nodes.options import PacingMode
 from dgu_sim.scenario import load_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Iterator, Sequence
 
-    from bags.recording import Recording
-    from bags.report import RunSummary
-    from bags.run_record import RunRecord
-    from bags.team_outline import TeamOutline
+    from bags.mcap.recording import Recording
+    from bags.reporting.report import RunSummary
+    from bags.reporting.team_outline import TeamOutline
+    from bags.runs.run_record import RunRecord
     from dcmg_nodes.options import NodeOptions
     from dgu_sim.scenario import Scenario
 
@@ -75,12 +75,12 @@ class ScenarioOptions:
         """Return the folder to write to, which does not hold anything yet.
 
         Raises:
-            BringupError: the wanted folder holds something.
+            CommandError: the wanted folder holds something.
         """
         now = dt.datetime.now(tz=dt.UTC).astimezone()
         out = self.out or Path("out") / f"{scenario.name}-{now:%Y%m%d-%H%M%S}"
         if out.exists() and (not out.is_dir() or any(out.iterdir())):
-            raise BringupError(f"--out {out}: expected a new or empty folder, found one that holds something")
+            raise CommandError(f"--out {out}: expected a new or empty folder, found one that holds something")
         return out
 
 
@@ -99,7 +99,7 @@ def run(
     from dcmg_bringup.run_job import RunOptions, run_job  # noqa: PLC0415 (rclpy only when needed)
 
     if rate != 1.0 and pacing is PacingMode.LOCKSTEP:
-        raise BringupError(f"--rate {rate:g}: expected only together with --pacing realtime")
+        raise CommandError(f"--rate {rate:g}: expected only together with --pacing realtime")
     scenario = options.load()
     check_monitors(scenario)
     out = options.folder(scenario)
@@ -126,8 +126,8 @@ def run(
 
 def simulate(options: ScenarioOptions, *, recording: Recording, json: bool, plots: bool) -> int:
     """Do the same run without ROS."""
-    from bags.offline import simulate_to_bag  # noqa: PLC0415 (heavy)
-    from bags.origin import host_facts  # noqa: PLC0415
+    from bags.runs.offline import simulate_to_bag  # noqa: PLC0415 (heavy)
+    from bags.runs.origin import host_facts  # noqa: PLC0415
 
     scenario = options.load()
     check_monitors(scenario)
@@ -141,13 +141,13 @@ def simulate(options: ScenarioOptions, *, recording: Recording, json: bool, plot
 
 def experiment(options: ScenarioOptions, *, dgus: Sequence[int]) -> int:
     """Write the offline experiments of DGUs as a bag of histories."""
-    from bags.histories import write_histories  # noqa: PLC0415 (heavy)
+    from bags.watch.histories import write_histories  # noqa: PLC0415 (heavy)
 
     scenario = options.load()
     known = [dgu.id for dgu in scenario.dgus]
     for dgu in dgus:
         if dgu not in known:
-            raise BringupError(f"--dgu {dgu}: scenario {scenario.name} has {', '.join(map(str, known))}")
+            raise CommandError(f"--dgu {dgu}: scenario {scenario.name} has {', '.join(map(str, known))}")
     out = options.folder(scenario)
     out.mkdir(parents=True, exist_ok=True)
     bag = write_histories(scenario, dgus or known, out / "history")
@@ -169,7 +169,7 @@ def node(names: Sequence[str], scenario: str, overrides: Sequence[str], options:
 
     failure = run_nodes(names, load_scenario(scenario_path(scenario), overrides), options)
     if failure is not None:
-        raise BringupError(failure)
+        raise CommandError(failure)
     return 0
 
 
@@ -180,8 +180,8 @@ def check_monitors(scenario: Scenario) -> None:
         MonitorError: an unknown kind or option, or a history that cannot be used.
         BagError: the bag of histories cannot be read.
     """
-    from bags.convert import history_of  # noqa: PLC0415 (heavy)
-    from bags.histories import histories_of_run  # noqa: PLC0415
+    from bags.watch.histories import histories_of_run  # noqa: PLC0415
+    from bags.wire.convert import history_of  # noqa: PLC0415 (heavy)
     from monitor import detectors, observers  # noqa: PLC0415
 
     detector, observer = scenario.monitor.detector, scenario.monitor.observer
@@ -192,7 +192,7 @@ def check_monitors(scenario: Scenario) -> None:
         if not design.accepted:
             _messages.print(f"[yellow]links from DGU {source} are not monitored[/]: {design.verdict}", soft_wrap=True)
     if scenario.monitor.team is not None:
-        from bags.team import design_of  # noqa: PLC0415 (heavy)
+        from bags.watch.team import design_of  # noqa: PLC0415 (heavy)
 
         team = design_of(scenario)
         if not team.accepted:
@@ -206,9 +206,9 @@ def _say(line: str) -> None:
 
 def _show(bag: Path, plots_dir: Path | None, *, json: bool, partial: bool) -> None:
     """Read the bag back and show what it says: what a person sees is what is recorded."""
-    from bags.outline import outline  # noqa: PLC0415 (heavy)
-    from bags.reader import open_run  # noqa: PLC0415
-    from bags.report import summary  # noqa: PLC0415
+    from bags.reporting.outline import outline  # noqa: PLC0415 (heavy)
+    from bags.reporting.report import summary  # noqa: PLC0415
+    from bags.runs.reader import open_run  # noqa: PLC0415
 
     if partial:
         _show_counts(bag, json=json)
@@ -217,7 +217,7 @@ def _show(bag: Path, plots_dir: Path | None, *, json: bool, partial: bool) -> No
     found = outline(shown(run.windows(), run.steps, "reading"), run.steps)
     pictures: Sequence[Path] = ()
     if plots_dir is not None:
-        from bags.plots import draw  # noqa: PLC0415 (heavy)
+        from bags.reporting.plots import draw  # noqa: PLC0415 (heavy)
 
         with _messages.status("drawing"):
             pictures = draw(found, plots_dir / _PLOTS)
@@ -226,7 +226,7 @@ def _show(bag: Path, plots_dir: Path | None, *, json: bool, partial: bool) -> No
 
 def _is_partial(scenario: Scenario, recording: Recording) -> bool:
     """Whether topics are left out that a report needs."""
-    from bags.schema import run_topics  # noqa: PLC0415 (heavy)
+    from bags.wire.schema import run_topics  # noqa: PLC0415 (heavy)
 
     team = scenario.monitor.team is not None
     topics = run_topics(scenario.grid.dgus, scenario.links, scenario.sampling_period_ns, team=team)
@@ -235,7 +235,7 @@ def _is_partial(scenario: Scenario, recording: Recording) -> bool:
 
 def _show_counts(bag: Path, *, json: bool) -> None:
     """Say what is in a bag that was told to hold only some topics: too little for a report."""
-    from bags.bag import open_bag  # noqa: PLC0415 (heavy)
+    from bags.mcap.bag import open_bag  # noqa: PLC0415 (heavy)
 
     counts = {topic.name: topic.count for topic in open_bag(bag).topics.values()}
     if json:

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from dcmg.errors import CommandError
 from dcmg_bringup.domain import running_systems
-from dcmg_bringup.errors import BringupError
 from dcmg_bringup.replay_publish import REPLAY
 
 if TYPE_CHECKING:
@@ -54,7 +54,7 @@ def rate(
     try:
         wanted = math.inf if factor == "max" else float(factor)
     except ValueError:
-        raise BringupError(f"rate {factor}: expected a number or max") from None
+        raise CommandError(f"rate {factor}: expected a number or max") from None
     _show(_call(domain, "RATE", rate=wanted))
 
 
@@ -79,7 +79,7 @@ def _call(domain: int | None, command: str, *, steps: int = 0, rate: float = 0.0
     """Ask the player's service.
 
     Raises:
-        BringupError: no replay, no answer, or refused.
+        CommandError: no replay, no answer, or refused.
     """
     domain = _only_domain() if domain is None else domain
     os.environ["ROS_DOMAIN_ID"] = str(domain)
@@ -92,7 +92,7 @@ def _call(domain: int | None, command: str, *, steps: int = 0, rate: float = 0.0
         node = Node("dcmg_player_client", enable_rosout=False, start_parameter_services=False)
         client = node.create_client(ControlReplay, "/player/control")
         if not client.wait_for_service(timeout_sec=_FIND_SEC):
-            raise BringupError(f"no replay answers in ROS domain {domain}: is one publishing there?")
+            raise CommandError(f"no replay answers in ROS domain {domain}: is one publishing there?")
         request = ControlReplay.Request(command=getattr(ControlReplay.Request, command), steps=steps, rate=rate)
         future = client.call_async(request)
         rclpy.spin_until_future_complete(node, future, timeout_sec=_ANSWER_SEC)
@@ -101,9 +101,9 @@ def _call(domain: int | None, command: str, *, steps: int = 0, rate: float = 0.0
     finally:
         rclpy.try_shutdown()
     if answer is None:
-        raise BringupError(f"the replay in ROS domain {domain} did not answer within {_ANSWER_SEC:g} s")
+        raise CommandError(f"the replay in ROS domain {domain} did not answer within {_ANSWER_SEC:g} s")
     if not answer.accepted:
-        raise BringupError(answer.message)
+        raise CommandError(answer.message)
     return answer
 
 
@@ -112,5 +112,5 @@ def _only_domain() -> int:
     replays = [system for system in running_systems() if system.scenario.startswith(REPLAY)]
     if len(replays) != 1:
         found = ", ".join(f"{system.domain} ({system.scenario})" for system in replays) or "none"
-        raise BringupError(f"--domain: expected one, because the replays on this machine are: {found}")
+        raise CommandError(f"--domain: expected one, because the replays on this machine are: {found}")
     return replays[0].domain

@@ -35,8 +35,8 @@ _POLL_SEC = 0.02
 _EXIT_FAILED = 1
 # what the nodes import, as far as it does not import rclpy
 _PRELOADED = (
-    "bags.histories",
-    "bags.writer",
+    "bags.watch.histories",
+    "bags.mcap.writer",
     "dcmg_nodes.wiring",
     "dgu_sim.simulate",
     "monitor.detectors",

@@ -7,8 +7,8 @@ from typing import Annotated
 
 import typer
 
-from bags.packing import Compression
-from bags.recording import Buffer, ChunkPreset, Recording, Split, TopicFilter, WhenFull
+from bags.mcap.packing import Compression
+from bags.mcap.recording import Buffer, ChunkPreset, Recording, Split, TopicFilter, WhenFull
 from dcmg_nodes.options import PacingMode
 
 _MEGABYTE = 1_000_000

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import typer
 
-from bags.recording import TopicFilter
+from bags.mcap.recording import TopicFilter
+from dcmg.errors import CommandError
 from dcmg_bringup import replay_options as options  # noqa: TC001 (typer reads the annotations)
-from dcmg_bringup.errors import BringupError
 from dcmg_bringup.replay_job import MonitorChanges, evaluate
 from dcmg_bringup.replay_publish import PublishOptions
 from dcmg_bringup.replay_publish import publish as publish_bag
@@ -84,14 +84,14 @@ def replay(
 def _only_with_publish(given: Mapping[str, object]) -> None:
     for name, value in given.items():
         if value:
-            raise BringupError(f"{name}: expected only together with --publish")
+            raise CommandError(f"{name}: expected only together with --publish")
 
 
 def _changes(part: str, kind: str | None, chosen: Sequence[str]) -> list[str]:
     """Overrides of one part of the monitor section."""
     for option in chosen:
         if not re.match(r"\s*[\w.]+\s*=", option):
-            raise BringupError(f"--{part}-option {option}: expected NAME=VALUE")
+            raise CommandError(f"--{part}-option {option}: expected NAME=VALUE")
     fresh = [] if kind is None else [f"monitor.{part}={{kind: {kind}, options: {{}}}}"]
     return [*fresh, *(f"monitor.{part}.options.{option.strip()}" for option in chosen)]
 
@@ -102,12 +102,12 @@ def _rate(text: str) -> float:
     except ValueError:
         rate = math.nan
     if not rate > 0.0:
-        raise BringupError(f"--rate {text}: expected a positive number or max")
+        raise CommandError(f"--rate {text}: expected a positive number or max")
     return rate
 
 
 def _remapping(text: str) -> tuple[str, str]:
     old, separator, new = text.partition(":=")
     if not (separator and old.startswith("/") and new):
-        raise BringupError(f"--remap {text}: expected OLD:=NEW, as in /dgu_1/output:=/lab/output")
+        raise CommandError(f"--remap {text}: expected OLD:=NEW, as in /dgu_1/output:=/lab/output")
     return old, new

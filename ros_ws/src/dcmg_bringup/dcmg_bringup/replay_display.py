@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Self
 
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from dcmg_bringup.errors import BringupError
+from dcmg.errors import CommandError
 from dcmg_bringup.keys import DOWN, RIGHT, SPACE, UP
 
 if TYPE_CHECKING:
@@ -62,7 +62,7 @@ class ReplayDisplay:
         """Show how far the replay is, do what keys say, and see that every process lives.
 
         Raises:
-            BringupError: one has died.
+            CommandError: one has died.
         """
         for key in self._pressed():
             _steer(pace, key)
@@ -71,7 +71,7 @@ class ReplayDisplay:
         self._progress.update(self._task, completed=played.time_sec, where=where, how=how)
         death = self._group.death() if self._group is not None else None
         if death is not None:
-            raise BringupError(f"node {death.process} ended ({death.reason})")
+            raise CommandError(f"node {death.process} ended ({death.reason})")
         return True
 
 

@@ -32,13 +32,13 @@ class MonitorChanges:
 
 def evaluate(bag: Path, changes: MonitorChanges, *, out: Path | None, json: bool) -> int:
     """Evaluate the recorded received outputs of a run again; return the exit code."""
-    from bags.outline import outline  # noqa: PLC0415 (heavy)
-    from bags.plots import draw  # noqa: PLC0415
-    from bags.reader import open_run  # noqa: PLC0415
-    from bags.replay import replay_windows  # noqa: PLC0415
-    from bags.replay_bag import write_replayed  # noqa: PLC0415
-    from bags.replay_settings import history_messages, with_histories  # noqa: PLC0415
-    from bags.report import summary  # noqa: PLC0415
+    from bags.reporting.outline import outline  # noqa: PLC0415 (heavy)
+    from bags.reporting.plots import draw  # noqa: PLC0415
+    from bags.reporting.report import summary  # noqa: PLC0415
+    from bags.runs.reader import open_run  # noqa: PLC0415
+    from bags.runs.replay import replay_windows  # noqa: PLC0415
+    from bags.runs.replay_bag import write_replayed  # noqa: PLC0415
+    from bags.runs.replay_settings import history_messages, with_histories  # noqa: PLC0415
 
     run = open_run(bag)
     windows, told = run.windows(), {}

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from bags.origin import SCENARIO_ATTACHMENT
-from bags.playback import Playback, Selection, open_playback
-from bags.recording import TopicFilter
-from bags.replay_settings import history_messages, replayed_scenario
-from bags.schema import monitor_name
+from bags.mcap.recording import TopicFilter
+from bags.runs.origin import SCENARIO_ATTACHMENT
+from bags.runs.playback import Playback, Selection, open_playback
+from bags.runs.replay_settings import history_messages, replayed_scenario
+from bags.wire.schema import monitor_name
+from dcmg.errors import CommandError
 from dcmg_bringup.domain import choose_domain
-from dcmg_bringup.errors import BringupError
 from dcmg_bringup.keys import keys
 from dcmg_bringup.processes import ProcessGroup
 from dcmg_bringup.replay_display import ReplayDisplay
@@ -46,7 +46,7 @@ _messages = Console(stderr=True)
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PublishOptions:
-    """How a bag is published; see `bags.playback.Selection` and `dcmg_nodes.player.PlayOptions`.
+    """How a bag is published; see `bags.runs.playback.Selection` and `dcmg_nodes.player.PlayOptions`.
 
     Attributes:
         monitors: start the monitor nodes of the run on the published data.
@@ -74,9 +74,9 @@ def publish(bag: Path, changes: MonitorChanges, options: PublishOptions, *, json
     """Publish a bag into ROS, with monitors on what is published if wanted; return the exit code."""
     live = options.monitors or bool(options.attached)
     if live and (options.loop or options.start_offset_sec):
-        raise BringupError("--loop, --start-offset: expected without live monitors, which begin with step 0, once")
+        raise CommandError("--loop, --start-offset: expected without live monitors, which begin with step 0, once")
     if not (live or changes.none):
-        raise BringupError("other monitors: expected only together with --monitors or --attach")
+        raise CommandError("other monitors: expected only together with --monitors or --attach")
     playback = open_playback(bag, Selection(topics=options.topics))
     text = playback.attachments.get(SCENARIO_ATTACHMENT, b"").decode()
     scenario = replayed_scenario(bag, text, changes.overrides) if live else None
@@ -148,19 +148,19 @@ def _part(playback: Playback, scenario: Scenario, options: PublishOptions) -> _P
     """Find out which nodes are to run on the published data, and whether they will get everything they wait for.
 
     Raises:
-        BringupError: a node that a replay has no use for; a topic is missing, left out or renamed.
+        CommandError: a node that a replay has no use for; a topic is missing, left out or renamed.
     """
     wiring = wiring_of(scenario)
     wiring.warm_up()
     monitors = tuple(monitor_name(dgu) for dgu in wiring.topics.monitors)
     for name in options.attached:
         if name not in monitors:
-            raise BringupError(f"--attach {name}: expected one of {', '.join(monitors)}")
+            raise CommandError(f"--attach {name}: expected one of {', '.join(monitors)}")
     nodes = monitors if options.monitors else tuple(options.attached)
     for topic in wiring.topics.all:
         read = set(wiring.readers(topic)) & set(nodes)
         if read and not set(topic.publishers) & set(nodes) and playback.names.get(topic.name) != topic.name:
-            raise BringupError(f"{min(read)} needs {topic.name}, which the replay does not publish under that name")
+            raise CommandError(f"{min(read)} needs {topic.name}, which the replay does not publish under that name")
     return _Part(scenario=scenario, wiring=wiring, nodes=nodes)
 
 

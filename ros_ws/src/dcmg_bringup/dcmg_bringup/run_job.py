@@ -8,10 +8,10 @@ from dataclasses import dataclass, field
 from importlib import resources
 from typing import TYPE_CHECKING, Protocol
 
-from bags.container import open_container
-from bags.errors import BagError
-from bags.recording import Recording
-from bags.repair import repair
+from bags.mcap.container import open_container
+from bags.mcap.errors import BagError
+from bags.mcap.recording import Recording
+from bags.mcap.repair import repair
 from dcmg_bringup.domain import choose_domain
 from dcmg_bringup.processes import ProcessGroup
 from dcmg_nodes.options import BAG, NodeOptions, PacingMode

@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Sequence
 
-    from bags.run_record import RunRecord
+    from bags.runs.run_record import RunRecord
 
 _DCMG = (sys.executable, "-m", "dcmg_bringup.cli")
 _SAMPLE_SEC = 0.5
@@ -127,7 +127,7 @@ def _measured(work: Callable[[Path], tuple[bool, str]], bag: Path) -> tuple[tupl
 
 
 def _check(bag: Path) -> tuple[bool, str]:
-    from bags.check import check  # noqa: PLC0415 (heavy)
+    from bags.mcap.check import check  # noqa: PLC0415 (heavy)
 
     report = check(bag)
     return report.clean, f"{report.messages} messages {'clean' if report.clean else 'damaged'}"
@@ -135,8 +135,8 @@ def _check(bag: Path) -> tuple[bool, str]:
 
 def _replay(bag: Path) -> tuple[bool, str]:
     """Replay and compare every conclusion of every monitor at every step with the recorded one, bit by bit."""
-    from bags.reader import open_run  # noqa: PLC0415 (heavy)
-    from bags.replay import replay_windows  # noqa: PLC0415
+    from bags.runs.reader import open_run  # noqa: PLC0415 (heavy)
+    from bags.runs.replay import replay_windows  # noqa: PLC0415
 
     recorded: list[RunRecord] = []
 
@@ -153,7 +153,7 @@ def _replay(bag: Path) -> tuple[bool, str]:
 
 
 def _steps(bag: Path) -> int:
-    from bags.reader import open_run  # noqa: PLC0415 (heavy)
+    from bags.runs.reader import open_run  # noqa: PLC0415 (heavy)
 
     return open_run(bag).steps
 

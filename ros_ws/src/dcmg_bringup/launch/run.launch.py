@@ -11,7 +11,7 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
-from dcmg_bringup.shipped import scenario_path
+from dcmg.shipped import scenario_path
 from dcmg_nodes.wiring import wiring_of
 from dgu_sim.scenario import load_scenario
 

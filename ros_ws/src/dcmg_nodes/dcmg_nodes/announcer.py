@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from bags.team_topics import announced
+from bags.wire.team_topics import announced
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from bags.records import HistoryRecord
-    from bags.team_topics import TeamTopics
+    from bags.wire.records import HistoryRecord
+    from bags.wire.team_topics import TeamTopics
     from dcmg_nodes.ports import Ports
     from dgu_sim.unit import UnitOutput
     from monitor.team import TeamPlan

@@ -6,13 +6,13 @@ import struct
 from collections import deque
 from typing import TYPE_CHECKING, NamedTuple
 
-from bags.stream import claimed_step
-from bags.topic import TopicKind
+from bags.mcap.topic import TopicKind
+from bags.wire.stream import claimed_step
 from dcmg_nodes.intake import expects
 
 if TYPE_CHECKING:
-    from bags.schema import RunTopics
-    from bags.topic import Topic
+    from bags.mcap.topic import Topic
+    from bags.wire.schema import RunTopics
 
 _NANOSECONDS = 1_000_000_000
 _STAMP = struct.Struct("<iI")

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from dcmg_msgs.msg import AttackEvent
 from dcmg_msgs.srv import ListAttacks, StartAttack, StopAttack
 
-from bags.schema import ATTACKER_NODE
+from bags.wire.schema import ATTACKER_NODE
 from dcmg_nodes.inbox import Inbox
 from dcmg_nodes.ports import Ports
 from dcmg_nodes.second_publisher import SecondPublishers

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from dcmg_msgs.msg import Pacing, Progress, Ready
 
-from bags.schema import CLOCK_NODE
+from bags.wire.schema import CLOCK_NODE
 from dcmg_nodes.options import PacingMode
 from dcmg_nodes.ports import CONTROL_QOS, Ports
 from dcmg_nodes.wiring import PACING, PROGRESS, READY, Wiring

@@ -5,17 +5,17 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from bags.combined import messages_of
-from bags.convert import history_of
-from bags.stream import lies
+from bags.watch.combined import messages_of
+from bags.wire.convert import history_of
+from bags.wire.stream import lies
 from monitor.combined import design
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from bags.combined_topics import OwnCodec
-    from bags.records import HistoryRecord
-    from bags.schema import RunTopics
+    from bags.wire.combined_topics import OwnCodec
+    from bags.wire.records import HistoryRecord
+    from bags.wire.schema import RunTopics
     from dcmg_nodes.ports import Ports
     from monitor.combined import CombinedPlan, DguMonitor, DguOutput, DguState, Received
     from monitor.link_monitor import MonitorOutput

@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
-from bags.schema import dgu_name
-from bags.stream import claimed_step
+from bags.wire.schema import dgu_name
+from bags.wire.stream import claimed_step
 from dcmg_nodes.announcer import Announcer
 from dcmg_nodes.inbox import Inbox
 from dcmg_nodes.intake import Intake, taken
@@ -20,7 +20,7 @@ from monitor.combined import Own
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from bags.records import HistoryRecord
+    from bags.wire.records import HistoryRecord
     from dcmg_nodes.host import Host
     from dcmg_nodes.intake import Others
     from dcmg_nodes.wiring import Wiring

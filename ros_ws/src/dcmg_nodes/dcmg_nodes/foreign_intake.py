@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from bags.errors import BagError
 from bags.foreign.live import Early, live_sampling
 from bags.foreign.recordings import stamp_of, uses_header
+from bags.mcap.errors import BagError
 from dcmg_nodes.errors import NodeError
 from dcmg_nodes.foreign_types import definitions_of_class, foreign_class
 

@@ -11,7 +11,7 @@ import rclpy
 from rclpy.signals import SignalHandlerOptions
 
 from bags.foreign.importing import attach_mapping
-from bags.writer import BagWriter
+from bags.mcap.writer import BagWriter
 from dcmg_nodes.errors import NodeError
 from dcmg_nodes.executor import make_executor, spin_until
 from dcmg_nodes.foreign_monitor_node import NAME, ForeignConfig, ForeignMonitorNode

@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from bags.foreign.mapping import Mapping
     from bags.foreign.sampling import Row
     from bags.foreign.watching import StreamMonitors
-    from bags.topic import Topic
-    from bags.writer import BagWriter
+    from bags.mcap.topic import Topic
+    from bags.mcap.writer import BagWriter
     from dcmg_nodes.lifetime import Lifetime
     from monitor.link_monitor import MonitorOutput
 

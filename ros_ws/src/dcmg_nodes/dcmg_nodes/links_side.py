@@ -5,16 +5,16 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from bags.convert import design_record, history_of
+from bags.wire.convert import design_record, history_of
 from monitor import detectors, observers
 from monitor.link_monitor import LinkMonitor
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from bags.combined_topics import OwnCodec
-    from bags.records import HistoryRecord
-    from bags.schema import RunTopics
+    from bags.wire.combined_topics import OwnCodec
+    from bags.wire.records import HistoryRecord
+    from bags.wire.schema import RunTopics
     from dcmg_nodes.ports import Ports
     from monitor.combined import CombinedPlan, Received
     from monitor.link_monitor import MonitorOutput, MonitorState

@@ -10,11 +10,11 @@ from typing import TYPE_CHECKING
 import rclpy
 from rclpy.signals import SignalHandlerOptions
 
-from bags.combined import plan_of
-from bags.histories import grid_history_of_run, histories_of_run, recorded_states
-from bags.origin import attach_origin, host_facts
-from bags.schema import ATTACKER_NODE, CLOCK_NODE, dgu_name, monitor_name
-from bags.writer import open_recording
+from bags.mcap.writer import open_recording
+from bags.runs.origin import attach_origin, host_facts
+from bags.watch.combined import plan_of
+from bags.watch.histories import grid_history_of_run, histories_of_run, recorded_states
+from bags.wire.schema import ATTACKER_NODE, CLOCK_NODE, dgu_name, monitor_name
 from dcmg_nodes.attacker_node import AttackerNode
 from dcmg_nodes.clock_node import ClockConfig, ClockNode
 from dcmg_nodes.dgu_node import DguConfig, DguNode

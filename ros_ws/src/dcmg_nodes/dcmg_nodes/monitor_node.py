@@ -6,8 +6,8 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
-from bags.schema import monitor_name
-from bags.stream import claimed_step
+from bags.wire.schema import monitor_name
+from bags.wire.stream import claimed_step
 from dcmg_nodes.combined_side import CombinedSide
 from dcmg_nodes.inbox import Inbox
 from dcmg_nodes.intake import Intake, taken

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from enum import Enum
 from typing import TYPE_CHECKING
 
-from bags.recording import Recording
+from bags.mcap.recording import Recording
 
 if TYPE_CHECKING:
     from pathlib import Path

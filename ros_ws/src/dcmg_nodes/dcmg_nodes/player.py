@@ -13,7 +13,7 @@ from dcmg_msgs.srv import ControlReplay
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 
-from bags.playback import Moment
+from bags.runs.playback import Moment
 from dcmg_nodes.errors import NodeError
 from dcmg_nodes.executor import make_executor, spin_until
 from dcmg_nodes.options import ExecutorKind
@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
     from rclpy.executors import Executor
 
-    from bags.playback import Playback
+    from bags.runs.playback import Playback
     from dcmg_nodes.playing import PlayOptions, Watcher
 
 _LOOK_SEC = 0.05  # between two looks at keys, services and live processes

@@ -15,8 +15,8 @@ from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 from rosgraph_msgs.msg import Clock
 
-from bags.playback import CLOCK_TOPIC
-from bags.qos import LATCHED_QOS, STREAM_QOS
+from bags.mcap.qos import LATCHED_QOS, STREAM_QOS
+from bags.runs.playback import CLOCK_TOPIC
 from dcmg_nodes.errors import NodeError
 from dcmg_nodes.ports import message_class
 
@@ -25,8 +25,8 @@ if TYPE_CHECKING:
 
     from rclpy.publisher import Publisher
 
-    from bags.playback import Moment, Playback
-    from bags.played import PlayedTopic
+    from bags.runs.playback import Moment, Playback
+    from bags.runs.played import PlayedTopic
 
 PLAYER_NODE = "player"
 CONTROL_SERVICE = "/player/control"

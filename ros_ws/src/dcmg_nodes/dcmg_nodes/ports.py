@@ -1,6 +1,6 @@
 """The ROS side of one node: raw bytes in and out, counted, and known to be matched before step 0.
 
-Payloads cross as the CDR bytes of `bags.schema`, so what is on the wire is what is in the bag, and no per-message
+Payloads cross as the CDR bytes of `bags.wire.schema`, so what is on the wire is what is in the bag, and no per-message
 Python object is built. Run control (`/run/*`) uses ordinary typed messages.
 """
 
@@ -14,9 +14,9 @@ from dcmg_msgs.msg import NodeDone, Ready, RunEnd
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from bags.qos import Durability
-from bags.schema import SECOND_PUBLISHER
-from bags.topic import TopicKind
+from bags.mcap.qos import Durability
+from bags.mcap.topic import TopicKind
+from bags.wire.schema import SECOND_PUBLISHER
 from dcmg_nodes.wiring import DONE, END, READY, RECORDER_NODE, Wiring
 
 if TYPE_CHECKING:
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from rclpy.publisher import Publisher
     from rclpy.subscription import Subscription
 
-    from bags.topic import Topic
+    from bags.mcap.topic import Topic
     from dcmg_nodes.host import Host
 
 MATCH_POLL_SEC = 0.1

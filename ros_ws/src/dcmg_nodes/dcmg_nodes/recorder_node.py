@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from dcmg_msgs.msg import NodeDone, Progress, RunEnd
 
-from bags.topic import TopicKind
+from bags.mcap.topic import TopicKind
 from dcmg_nodes.assembler import Arrival, Assembler
 from dcmg_nodes.ports import CONTROL_QOS, Ports
 from dcmg_nodes.second_publisher import SecondPublisherReaders
@@ -17,8 +17,8 @@ from dcmg_nodes.wiring import DONE, END, PROGRESS, RECORDER_NODE
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
 
-    from bags.topic import Topic
-    from bags.writer import BagWriter
+    from bags.mcap.topic import Topic
+    from bags.mcap.writer import BagWriter
     from dcmg_nodes.host import Host
     from dcmg_nodes.wiring import Wiring
 

@@ -17,7 +17,7 @@ from dcmg_nodes.wiring import SECOND, SECOND_MATCHED
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterable, Mapping, Sequence
 
-    from bags.topic import Topic
+    from bags.mcap.topic import Topic
     from dcmg_nodes.ports import Ports
     from dgu_sim.grid import Link
     from dgu_sim.relay import Spoofing

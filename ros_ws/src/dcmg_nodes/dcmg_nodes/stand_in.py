@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 from dcmg_msgs.msg import NodeDone, Ready, RunEnd, SecondPublisher
 from rclpy.task import Future
 
-from bags.topic import TopicKind
+from bags.mcap.topic import TopicKind
 from dcmg_nodes.ports import CONTROL_QOS, data_qos, message_class
 from dcmg_nodes.wiring import DONE, END, READY, SECOND, SECOND_MATCHED
 
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from rclpy.node import Node
     from rclpy.subscription import Subscription
 
-    from bags.playback import Playback
-    from bags.topic import Topic
+    from bags.mcap.topic import Topic
+    from bags.runs.playback import Playback
     from dcmg_nodes.wiring import Wiring
     from dgu_sim.grid import Link
 

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from bags.stream import arrival_of
+from bags.wire.stream import arrival_of
 from monitor.stream_guard import StreamGuard
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from bags.codecs import OutputCodec
+    from bags.wire.codecs import OutputCodec
     from dcmg_nodes.intake import Others
     from monitor.stream_guard import Faults, StreamChange
 

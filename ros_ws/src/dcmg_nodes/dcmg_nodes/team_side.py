@@ -5,19 +5,19 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from bags.convert import history_of
-from bags.team import team_design_record
-from bags.team_record import accusation
+from bags.watch.team import team_design_record
+from bags.watch.team_record import accusation
+from bags.wire.convert import history_of
 from dcmg_nodes.inbox import Inbox
 from monitor.team import design_team
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
-    from bags.codecs import OutputCodec
-    from bags.records import HistoryRecord
-    from bags.team_topics import TeamTopics
-    from bags.topic import Topic
+    from bags.mcap.topic import Topic
+    from bags.wire.codecs import OutputCodec
+    from bags.wire.records import HistoryRecord
+    from bags.wire.team_topics import TeamTopics
     from dcmg_nodes.ports import Ports
     from monitor.team import Member, MemberOutput, MemberState, TeamPlan
 

@@ -6,17 +6,17 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING
 
-from bags.schema import ATTACKER_NODE, CLOCK_NODE, dgu_name, monitor_name, topics_of
-from bags.team import plan_of
+from bags.watch.team import plan_of
+from bags.wire.schema import ATTACKER_NODE, CLOCK_NODE, dgu_name, monitor_name, topics_of
 from dgu_sim.unit import unit_of
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
-    from bags.combined_topics import CombinedTopics
-    from bags.schema import RunTopics
-    from bags.team_topics import TeamTopics
-    from bags.topic import Topic
+    from bags.mcap.topic import Topic
+    from bags.wire.combined_topics import CombinedTopics
+    from bags.wire.schema import RunTopics
+    from bags.wire.team_topics import TeamTopics
     from dgu_sim.scenario import Scenario
     from monitor.team import TeamPlan
 

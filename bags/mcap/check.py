@@ -1,0 +1,317 @@
+"""What of a bag is intact: every check sum verified, everything that is said twice compared."""
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass, field
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+import yaml
+from mcap.opcode import Opcode
+
+from bags.mcap.errors import BagError
+from bags.mcap.file_bytes import FileBytes
+from bags.mcap.frames import MAGIC, Frame, parse_definition
+from bags.mcap.mcap_file import OURS
+from bags.mcap.metadata import METADATA_FILE, ROOT_KEY, whole_document
+from bags.mcap.scan import Fault, Messages, survey
+from bags.mcap.summary_section import SummarySection, summary_of
+from bags.mcap.yaml_text import load
+
+_MOST_FAULTS = 20  # of one file: a report is for people
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Damage:
+    """One thing in a bag that is not as it must be.
+
+    Attributes:
+        file: Name of the file.
+        offset: Where in the file, None for the file as a whole.
+        what: In words.
+    """
+
+    file: str
+    offset: int | None
+    what: str
+
+    def __str__(self) -> str:
+        """One line."""
+        return f"{self.file}{'' if self.offset is None else f' at byte {self.offset}'}: {self.what}"
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FileCheck:
+    """What of one file is intact.
+
+    Attributes:
+        name: Name of the file.
+        size: Bytes.
+        chunks: Complete chunks whose check sums agree.
+        messages: Messages in them, by topic.
+        start_ns: Earliest stamp of these messages [ns], 0 without any.
+        end_ns: Latest stamp [ns].
+        attachments: Intact attachments by name.
+    """
+
+    name: str
+    size: int
+    chunks: int
+    messages: Mapping[str, int]
+    start_ns: int
+    end_ns: int
+    attachments: tuple[str, ...]
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CheckReport:
+    """What of a bag is intact, and what is not.
+
+    Attributes:
+        path: The bag.
+        files: What is intact, file by file.
+        damages: What is not; empty: the bag is clean.
+    """
+
+    path: Path
+    files: tuple[FileCheck, ...]
+    damages: tuple[Damage, ...]
+
+    @property
+    def clean(self) -> bool:
+        """Whether nothing is wrong."""
+        return not self.damages
+
+    @property
+    def messages(self) -> int:
+        """Number of intact messages."""
+        return sum(sum(one.messages.values()) for one in self.files)
+
+    def document(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "bag": str(self.path),
+            "clean": self.clean,
+            "messages": self.messages,
+            "files": [asdict(one) for one in self.files],
+            "damages": [asdict(one) for one in self.damages],
+        }
+
+
+def check(path: Path) -> CheckReport:
+    """Go through a bag, or one MCAP file, from its first byte to its last.
+
+    Args:
+        path: The bag's directory or an MCAP file; it need not be closed, or whole.
+
+    Raises:
+        BagError: There is nothing to check.
+    """
+    damages: list[Damage] = []
+    checks = [_File(file).run(damages) for file in mcap_files(path)]
+    if path.is_dir():
+        damages += [Damage(file=METADATA_FILE, offset=None, what=what) for what in _metadata_faults(path, checks)]
+    return CheckReport(path=path, files=tuple(one.result() for one in checks), damages=tuple(damages))
+
+
+def mcap_files(path: Path) -> list[Path]:
+    """The MCAP files of a bag in order of time, whether or not metadata.yaml can tell them.
+
+    Raises:
+        BagError: There is none.
+    """
+    if path.is_file():
+        return [path]
+    if not path.exists():
+        raise BagError(f"{path}: does not exist, expected a bag's directory")
+    there = {file.name: file for file in sorted(path.glob("*.mcap"), key=_by_number)}
+    if not there:
+        raise BagError(f"{path}: holds no *.mcap file, expected a rosbag2 directory")
+    told = read_information(path).get("relative_file_paths")
+    named = [there.pop(str(name)) for name in told if str(name) in there] if isinstance(told, list) else []
+    return [*named, *there.values()]
+
+
+def read_information(path: Path) -> dict[str, Any]:
+    """What metadata.yaml says, {} when it is missing or damaged."""
+    try:
+        document = load((path / METADATA_FILE).read_text("utf-8"))
+    except (OSError, ValueError, yaml.YAMLError):
+        return {}
+    information = document.get(ROOT_KEY) if isinstance(document, dict) else None
+    return information if isinstance(information, dict) else {}
+
+
+def _by_number(file: Path) -> tuple[int, str]:
+    digits = file.stem.rpartition("_")[2]
+    return (int(digits) if digits.isdecimal() else 0, file.name)
+
+
+@final
+@dataclass(slots=True)
+class _File:
+    """One file while it is gone through."""
+
+    file: Path
+    size: int = 0
+    chunks: int = 0
+    counts: dict[int, int] = field(default_factory=dict)
+    start_ns: int = 2**64
+    end_ns: int = 0
+    channels: dict[int, Any] = field(default_factory=dict)
+    schemas: dict[int, Any] = field(default_factory=dict)
+    attachments: list[str] = field(default_factory=list)
+    library: str = ""
+    metadata_text: str = ""
+    ended: bool = False
+    faults: list[Fault] = field(default_factory=list)
+
+    def run(self, damages: list[Damage]) -> "_File":
+        """Go through the file and append what is wrong."""
+        with FileBytes(self.file) as source:
+            self.size = source.size
+            found = summary_of(source)
+            summary = found if isinstance(found, SummarySection) else None
+            if source.read(0, len(MAGIC)) != MAGIC:
+                self.faults.append(Fault(start=0, what=f"starts with {source.read(0, 8)!r}, expected {MAGIC!r}"))
+            if summary is None:
+                self.faults.append(Fault(start=self.size, what=str(found)))
+            for one in survey(source, summary):
+                self._take(source, one, summary)
+            self._compare(summary)
+        damages += [Damage(file=self.file.name, offset=one.start, what=one.what) for one in self.faults[:_MOST_FAULTS]]
+        if len(self.faults) > _MOST_FAULTS:
+            more = f"{len(self.faults) - _MOST_FAULTS} further damages"
+            damages.append(Damage(file=self.file.name, offset=None, what=more))
+        return self
+
+    def result(self) -> FileCheck:
+        """What is intact."""
+        messages: dict[str, int] = {}
+        for channel_id, count in self.counts.items():
+            channel = self.channels.get(channel_id)
+            name = channel.topic if channel else f"(channel {channel_id} without a name)"
+            messages[name] = messages.get(name, 0) + count
+        return FileCheck(
+            name=self.file.name,
+            size=self.size,
+            chunks=self.chunks,
+            messages=messages,
+            start_ns=self.start_ns if messages else 0,
+            end_ns=self.end_ns,
+            attachments=tuple(self.attachments),
+        )
+
+    def _take(self, source: FileBytes, found: Frame | Messages | Fault, summary: SummarySection | None) -> None:
+        match found:
+            case Fault():
+                self.faults.append(found)
+            case Messages():
+                self._take_chunk(found, summary)
+            case Frame():
+                self._take_frame(source, found)
+
+    def _take_frame(self, source: FileBytes, found: Frame) -> None:
+        match found:
+            case Frame(opcode=Opcode.HEADER):
+                self.library = found.record.library
+            case Frame(opcode=Opcode.CHANNEL):
+                self.channels[found.record.id] = found.record
+            case Frame(opcode=Opcode.SCHEMA):
+                self.schemas[found.record.id] = found.record
+            case Frame(opcode=Opcode.ATTACHMENT):
+                self.attachments.append(found.record.name)
+            case Frame(opcode=Opcode.METADATA) if found.record.name == "rosbag2":
+                self.metadata_text = found.record.metadata.get("serialized_metadata", "")
+            case Frame(opcode=Opcode.MESSAGE):
+                channel_id = int.from_bytes(found.record[:2], "little")
+                self.counts[channel_id] = self.counts.get(channel_id, 0) + 1
+            case Frame(opcode=Opcode.DATA_END):
+                self.ended = True
+                promised = found.record.data_section_crc
+                crc = source.crc32(0, found.start) if promised else 0
+                if crc != promised or (not promised and self.library.startswith(OURS)):
+                    what = f"the data's check sum is {crc:08x}, its end promises {promised:08x}"
+                    self.faults.append(Fault(start=found.start, what=what))
+            case _:
+                pass
+
+    def _take_chunk(self, found: Messages, summary: SummarySection | None) -> None:
+        chunk, table = found.chunk, found.table
+        self.chunks += 1
+        values, numbers = np.unique(table.channel_ids, return_counts=True)
+        for channel_id, number in zip(values.tolist(), numbers.tolist(), strict=True):
+            self.counts[channel_id] = self.counts.get(channel_id, 0) + number
+        start_ns, end_ns = (int(table.log_times.min()), int(table.log_times.max())) if len(table) else (0, 0)
+        if len(table):
+            self.start_ns, self.end_ns = min(self.start_ns, start_ns), max(self.end_ns, end_ns)
+        length = chunk.end - chunk.start - 9
+        if chunk.fields != (Opcode.CHUNK, length, start_ns, end_ns, len(chunk.content)):
+            self._fault(chunk.start, "the head of the chunk does not fit its content")
+        if not table.whole:
+            self._fault(chunk.start, "the chunk holds something besides records")
+        if not found.indexed:
+            self._fault(chunk.end, "the message index does not fit the chunk before it")
+        index = summary.chunks.at(chunk.start) if summary else None
+        if index is not None and (index.length, index.start_ns, index.end_ns) != (
+            chunk.end - chunk.start,
+            start_ns,
+            end_ns,
+        ):
+            self._fault(chunk.start, "the summary's index does not fit the chunk")
+        for opcode, start, end in table.definitions:
+            record = parse_definition(opcode, chunk.content[start:end])
+            if record is not None:
+                (self.channels if opcode == Opcode.CHANNEL else self.schemas)[record.id] = record
+
+    def _fault(self, start: int, what: str) -> None:
+        self.faults.append(Fault(start=start, what=what))
+
+    def _compare(self, summary: SummarySection | None) -> None:
+        """Hold the summary against what was found."""
+        if summary is None:
+            return
+        if not self.ended:
+            self._fault(summary.start, "no end of the data section before the summary")
+        if not summary.checked and self.library.startswith(OURS):
+            self._fault(self.size, "the summary has no check sum")
+        if summary.channels and dict(summary.channels) != self.channels:
+            self._fault(summary.start, "the channels in the summary differ from those in the data")
+        if summary.schemas and dict(summary.schemas) != self.schemas:
+            self._fault(summary.start, "the schemas in the summary differ from those in the data")
+        if summary.statistics is not None:
+            promised = {key: count for key, count in summary.statistics.channel_message_counts.items() if count}
+            if promised != self.counts or summary.statistics.chunk_count != self.chunks:
+                self._fault(
+                    summary.start,
+                    f"{sum(self.counts.values())} messages in {self.chunks} chunks are intact, the statistics promise "
+                    f"{summary.statistics.message_count} in {summary.statistics.chunk_count}",
+                )
+
+
+def _metadata_faults(path: Path, files: list[_File]) -> list[str]:
+    file = path / METADATA_FILE
+    if not file.is_file():
+        return ["is missing, as when the recorder was killed before it closed the bag"]
+    information = read_information(path)
+    if not information:
+        return [f"cannot be read, or has no {ROOT_KEY}"]
+    faults = []
+    told, there = information.get("relative_file_paths"), [one.file.name for one in files]
+    if told != there:
+        faults.append(f"names the files {told}, found {there}")
+    count = sum(sum(one.counts.values()) for one in files)
+    if information.get("message_count") != count:
+        faults.append(f"promises {information.get('message_count')} messages, {count} are intact")
+    last = files[-1]
+    if (
+        last.library.startswith(OURS)
+        and last.metadata_text
+        and (len(files) == 1 or f"- {files[0].file.name}\n" in last.metadata_text)  # else it is about one file only
+        and file.read_bytes().decode("utf-8", "replace") != (whole_document(last.metadata_text))
+    ):
+        faults.append("differs from its copy in the last file")
+    return faults

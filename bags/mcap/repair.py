@@ -1,0 +1,270 @@
+"""A valid bag out of a damaged one: every message of every chunk whose check sum agrees, and no other.
+
+The one exception is the chunk in which a file breaks off while everything before it is sound, as a killed recorder
+leaves it: what it holds of whole messages is taken too and counted apart, because no check sum vouches for it.
+"""
+
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, final
+
+import numpy as np
+import yaml
+from mcap.opcode import Opcode
+from mcap.records import Channel, Schema
+from mcap.well_known import Profile
+from numpy.typing import NDArray
+
+from bags.mcap.broken_chunk import rest_of
+from bags.mcap.check import Damage, mcap_files, read_information
+from bags.mcap.chunk import OpenChunk
+from bags.mcap.errors import BagError
+from bags.mcap.file_bytes import FileBytes
+from bags.mcap.frames import Frame, parse_definition
+from bags.mcap.mcap_file import McapFile
+from bags.mcap.messages import MessageTable, walk
+from bags.mcap.metadata import ROS_DISTRO, BagInfo, FileEntry, TopicEntry, write_metadata
+from bags.mcap.packing import Compression
+from bags.mcap.scan import Fault, Messages, survey
+from bags.mcap.summary_section import SummarySection, summary_of
+from bags.mcap.yaml_text import load
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RepairReport:
+    """What was recovered.
+
+    Attributes:
+        path: The repaired bag.
+        messages: Messages of sound chunks.
+        chunks: Sound chunks.
+        salvaged: Whole messages of a chunk in which the file breaks off; no check sum vouches for them.
+        undescribed: Intact messages that were left out because no record says what they are.
+        damages: Where the bag was damaged.
+    """
+
+    path: Path
+    messages: int
+    chunks: int
+    salvaged: int
+    undescribed: int
+    damages: tuple[Damage, ...]
+
+    def document(self) -> dict[str, Any]:
+        """For JSON."""
+        return {
+            "bag": str(self.path),
+            "messages": self.messages,
+            "chunks": self.chunks,
+            "salvaged": self.salvaged,
+            "undescribed": self.undescribed,
+            "damages": [str(one) for one in self.damages],
+        }
+
+
+def repair(path: Path, out: Path) -> RepairReport:
+    """Write a valid bag with everything that is intact in a damaged one.
+
+    Args:
+        path: The bag's directory, with or without metadata.yaml, or an MCAP file.
+        out: The directory of the new bag; must not exist.
+
+    Raises:
+        BagError: Nothing to repair, or the new bag cannot be written.
+    """
+    files = mcap_files(path)
+    if out.exists():
+        raise BagError(f"{out}: exists already, expected the path of a bag to be made")
+    information = read_information(path) if path.is_dir() else {}
+    jobs = [_File() for _ in files]
+    damages: list[Damage] = []
+    try:
+        out.mkdir(parents=True)
+        entries: list[FileEntry] = []
+        for job, file in zip(jobs, files, strict=True):
+            last = file == files[-1]
+            with FileBytes(file) as source:
+                job.copy(source, out / file.name)
+            start_ns, end_ns = job.target.time_range_ns
+            count = sum(job.target.counts.values())
+            entries.append(FileEntry(name=file.name, start_ns=start_ns, end_ns=end_ns, count=count))
+            text = _information(entries if last else entries[-1:], jobs if last else [job], information).to_yaml()
+            job.target.finish({"rosbag2": {"serialized_metadata": text}})
+            damages += [Damage(file=file.name, offset=one.start, what=one.what) for one in job.faults]
+        write_metadata(out, text)
+    except OSError as error:
+        shutil.rmtree(out, ignore_errors=True)
+        raise BagError(f"{out}: cannot write the bag ({error.strerror or error})") from error
+    finally:
+        for job in jobs:
+            job.close()
+    salvaged = sum(job.salvaged for job in jobs)
+    return RepairReport(
+        path=out,
+        messages=sum(one.count for one in entries) - salvaged,
+        chunks=sum(job.chunks for job in jobs),
+        salvaged=salvaged,
+        undescribed=sum(job.undescribed for job in jobs),
+        damages=tuple(damages),
+    )
+
+
+def _information(files: list[FileEntry], jobs: "list[_File]", old: Mapping[str, Any]) -> BagInfo:
+    counts: dict[str, int] = {}
+    channels: dict[str, tuple[Channel, str]] = {}
+    for job in jobs:
+        for channel_id, channel in job.channels.items():
+            schema = job.schemas.get(channel.schema_id)
+            channels.setdefault(channel.topic, (channel, schema.name if schema else ""))
+            number = job.target.counts.get(job.new_ids.get(channel_id, 0), 0)
+            counts[channel.topic] = counts.get(channel.topic, 0) + number
+    topics = [
+        TopicEntry(
+            name=name,
+            type_name=type_name,
+            offered_qos=_profiles(channel.metadata.get("offered_qos_profiles", "")),
+            type_hash=channel.metadata.get("topic_type_hash", ""),
+            count=counts[name],
+        )
+        for name, (channel, type_name) in channels.items()
+    ]
+    custom = old.get("custom_data")
+    texts = {str(key): str(value) for key, value in custom.items()} if isinstance(custom, dict) else {}
+    return BagInfo(files=files, topics=topics, custom=texts, ros_distro=str(old.get("ros_distro") or ROS_DISTRO))
+
+
+def _profiles(text: str) -> list[object]:
+    try:
+        document = load(text)
+    except yaml.YAMLError:
+        return []
+    return document if isinstance(document, list) else []
+
+
+@final
+@dataclass(slots=True)
+class _File:
+    """One file while it is copied."""
+
+    faults: list[Fault] = field(default_factory=list)
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    new_schemas: dict[int, int] = field(default_factory=dict)
+    new_ids: dict[int, int] = field(default_factory=dict)
+    chunks: int = 0
+    salvaged: int = 0
+    undescribed: int = 0
+    _target: McapFile | None = None
+
+    @property
+    def target(self) -> McapFile:
+        """The new file."""
+        if self._target is None:
+            raise BagError("the new file is not open yet, expected copy() first")
+        return self._target
+
+    def close(self) -> None:
+        """Close the new file, if it is open."""
+        if self._target is not None:
+            self._target.close()
+
+    def copy(self, source: FileBytes, path: Path) -> None:
+        """Copy what is sound."""
+        found = summary_of(source)
+        summary = found if isinstance(found, SummarySection) else None
+        if summary is None:
+            self.faults.append(Fault(start=source.size, what=str(found)))
+        self._target = McapFile(path, _compression(source, summary), Profile.ROS2)
+        if summary is not None:
+            self._define(summary.schemas, summary.channels)
+        only_broken_off = summary is None
+        for one in survey(source, summary):
+            match one:
+                case Fault(breaks_off=True) if only_broken_off:
+                    self.faults.append(one)
+                    content = rest_of(source, one.start)
+                    self.salvaged = self._add(*content) if content is not None else 0
+                case Fault():
+                    self.faults.append(one)
+                    only_broken_off = False
+                case Messages():
+                    self._definitions_in(one, summary)
+                    self.chunks += 1
+                    self._add(one.chunk.content, one.table)
+                    only_broken_off = only_broken_off and one.indexed
+                case Frame():
+                    self._take(one, summary)
+
+    def _take(self, frame: Frame, summary: SummarySection | None) -> None:
+        match frame.opcode:
+            case Opcode.SCHEMA if summary is None:
+                self._define({frame.record.id: frame.record}, {})
+            case Opcode.CHANNEL if summary is None:
+                self._define({}, {frame.record.id: frame.record})
+            case Opcode.ATTACHMENT:
+                record = frame.record
+                self.target.add_attachment(record.name, record.media_type, record.data)
+            case Opcode.METADATA if frame.record.name != "rosbag2":
+                self.target.add_metadata(frame.record.name, frame.record.metadata)
+            case Opcode.MESSAGE:  # a file without chunks
+                content = bytes([Opcode.MESSAGE]) + len(frame.record).to_bytes(8, "little") + frame.record
+                self._add(content, walk(content))
+            case _:
+                pass
+
+    def _definitions_in(self, found: Messages, summary: SummarySection | None) -> None:
+        if summary is not None and summary.channels:
+            return
+        for opcode, start, end in found.table.definitions:
+            record = parse_definition(opcode, found.chunk.content[start:end])
+            if record is not None:
+                schemas, channels = ({record.id: record}, {}) if opcode == Opcode.SCHEMA else ({}, {record.id: record})
+                self._define(schemas, channels)
+
+    def _define(self, schemas: Mapping[int, Schema], channels: Mapping[int, Channel]) -> None:
+        for schema in schemas.values():
+            if schema.id not in self.new_schemas:
+                self.new_schemas[schema.id] = self.target.add_schema(schema.name, schema.encoding, schema.data)
+                self.schemas[schema.id] = schema
+        for channel in channels.values():
+            if channel.id not in self.new_ids:
+                schema_id = self.new_schemas.get(channel.schema_id, 0)
+                self.new_ids[channel.id] = self.target.add_channel(
+                    channel.topic, channel.message_encoding, schema_id, channel.metadata
+                )
+                self.channels[channel.id] = channel
+
+    def _add(self, content: bytes, table: MessageTable) -> int:
+        """Append the messages whose channels are known; return how many."""
+        known = np.isin(table.channel_ids, list(self.new_ids))
+        self.undescribed += int(len(table) - known.sum())
+        if not known.any():
+            return 0
+        starts, ends, old = table.starts[known], table.ends[known], table.channel_ids[known]
+        data: NDArray[np.uint8] = np.frombuffer(content, dtype=np.uint8).copy()
+        values, inverse = np.unique(old, return_inverse=True)
+        new = np.array([self.new_ids[int(one)] for one in values], dtype=np.uint16)[inverse]
+        data[starts + 9], data[starts + 10] = new & 0xFF, new >> 8  # the channel stands behind opcode and length
+        kept = _joined(data, starts, ends)
+        offsets = (np.cumsum(ends - starts) - (ends - starts)).astype(np.uint64)
+        chunk = OpenChunk()
+        chunk.extend(new, np.stack([table.log_times[known], offsets], axis=1), memoryview(kept))
+        self.target.add_chunk(chunk)
+        return len(starts)
+
+
+def _joined(data: NDArray[np.uint8], starts: NDArray[np.int64], ends: NDArray[np.int64]) -> bytes:
+    if starts[0] == 0 and ends[-1] == len(data) and np.array_equal(ends[:-1], starts[1:]):
+        return data.tobytes()
+    return b"".join(data[start:end].tobytes() for start, end in zip(starts.tolist(), ends.tolist(), strict=True))
+
+
+def _compression(source: FileBytes, summary: SummarySection | None) -> Compression:
+    """The compression of the file's first sound chunk."""
+    for one in survey(source, summary):
+        if isinstance(one, Messages):
+            return Compression(one.chunk.compression)
+    return Compression.ZSTD

@@ -1,0 +1,41 @@
+"""One recorded topic of a run."""
+
+from dataclasses import dataclass
+from enum import Enum
+from typing import final
+
+from bags.mcap.cdr import Layout
+from bags.mcap.qos import LATCHED_QOS, STREAM_QOS, Qos
+
+
+class TopicKind(Enum):
+    """How often a topic speaks."""
+
+    PER_STEP = "per step"  # exactly one message at every step
+    EVENT = "event"  # when something happens, behind the per-step messages of its step
+    LATCHED = "latched"  # before step 0, kept for late subscribers
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Topic:
+    """Name, type and origin of one recorded topic.
+
+    Attributes:
+        name: ROS topic name.
+        type_name: Full message type name, `package/msg/Type`.
+        publishers: Names of the nodes that publish it: one, except for /diagnostics.
+        kind: Per step, event or latched.
+        layout: Byte layout, None when messages vary in length.
+    """
+
+    name: str
+    type_name: str
+    publishers: tuple[str, ...]
+    kind: TopicKind
+    layout: Layout | None = None
+
+    @property
+    def qos(self) -> Qos:
+        """Quality of service of its publishers and, in our own nodes, of its subscribers."""
+        return LATCHED_QOS if self.kind is TopicKind.LATCHED else STREAM_QOS

@@ -1,0 +1,1 @@
+"""Inputs and attacks reconstructed from what was received."""

@@ -1,0 +1,1 @@
+"""Runs: recorded offline, replayed, played back, read."""

@@ -1,0 +1,197 @@
+"""Fresh monitors on a recorded run: the same received outputs, the same or other observers and detectors."""
+
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeAlias, final
+
+import numpy as np
+
+from bags.mcap.errors import BagError
+from bags.mcap.yaml_text import dump
+from bags.runs.alarm_events import in_order, link_alarms, local_alarms
+from bags.runs.origin import MONITOR_ATTACHMENT, SCENARIO_ATTACHMENT
+from bags.runs.reader import read_run
+from bags.runs.replay_settings import check_overrides, replayed_scenario
+from bags.runs.run_record import RunRecord
+from bags.runs.team_offline import TeamProgress, replayed_team, team_of_record
+from bags.watch.combined import Watch, design_combined, design_messages
+from bags.watch.combined_arrays import CombinedFields
+from bags.watch.monitors import MonitorArrays, RunMonitors, design_monitors
+from bags.wire.convert import design_record, history_of
+from bags.wire.records import DesignRecord
+from bags.wire.schema import RunTopics, parts_of
+from bags.wire.stream import Spoofed
+from dgu_sim.grid import Link
+from dgu_sim.scenario import Scenario, parse_monitor
+from dgu_sim.settings import MonitorSettings
+from monitor.history import History
+
+if TYPE_CHECKING:
+    from monitor.link_monitor import MonitorState
+
+_WatchWindow: TypeAlias = Callable[[RunRecord], tuple[MonitorArrays, CombinedFields | None]]
+
+
+def replay(run: RunRecord | Path, overrides: Sequence[str] = ()) -> RunRecord:
+    """Design the monitors again from the recorded histories and feed them what was received.
+
+    Args:
+        run: A recorded run, or its bag.
+        overrides: Changes of the scenario's monitor section, "monitor.observer.kind=value" and the like. Without any,
+            every residual comes out as recorded, bit for bit.
+
+    Returns:
+        The run with the conclusions, designs and alarms of the fresh monitors.
+
+    Raises:
+        BagError: The bag cannot be read, or lacks its scenario or a history; an override is not about monitors.
+        dgu_sim.errors.ScenarioError: An override does not fit the scenario.
+        monitor.errors.MonitorError: Unknown observer or detector, or options of theirs.
+    """
+    (record,) = replay_windows([run if isinstance(run, RunRecord) else read_run(run)], overrides)
+    return record
+
+
+def replay_windows(windows: Iterable[RunRecord], overrides: Sequence[str] = ()) -> Iterator[RunRecord]:
+    """As `replay`, for a run that is too long for the memory: each window as soon as it has been read.
+
+    Args:
+        windows: Consecutive windows from step 0 on.
+        overrides: As for `replay`.
+
+    Raises:
+        Exception: As `replay`, with the first window.
+    """
+    prepared: _Prepared | None = None
+    alarm = own_alarm = np.zeros(0, dtype=np.bool_)
+    for window in windows:
+        if prepared is None:
+            prepared = _prepare(window, overrides)
+            alarm = np.zeros(len(window.links), dtype=np.bool_)
+            own_alarm = np.zeros(len(prepared.topics.monitors), dtype=np.bool_)
+        outputs, fields = prepared.watch(window)
+        alarms = link_alarms(outputs, alarm, window.first_step, window.links)
+        combined = None
+        if prepared.topics.combined is not None and fields is not None:
+            alarms += local_alarms(fields, own_alarm, window.first_step, prepared.topics.combined)
+            combined = fields.arrays(prepared.topics.combined)
+            own_alarm = fields.local["alarm"][-1] if fields.local and window.steps else own_alarm
+        told, team = (None, None) if prepared.team is None else replayed_team(prepared.team, window)
+        yield replace(
+            window,
+            topics=prepared.topics,
+            phase=outputs.phase,
+            alarm=outputs.alarm,
+            estimate=outputs.estimate,
+            residual=outputs.residual,
+            threshold=outputs.threshold,
+            designs=prepared.designs,
+            input_designs=prepared.input_designs,
+            alarms=tuple(in_order(alarms)),
+            combined=combined,
+            attachments=prepared.attachments,
+            told=told,
+            team=team,
+        )
+        alarm = outputs.alarm[-1] if window.steps else alarm
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Prepared:
+    """What a replay designs before its first step; `watch` takes the windows in order."""
+
+    topics: RunTopics
+    watch: _WatchWindow
+    designs: Mapping[Link, DesignRecord]
+    input_designs: Mapping[Link, DesignRecord]
+    attachments: Mapping[str, bytes]
+    team: TeamProgress | None
+
+
+def _prepare(record: RunRecord, overrides: Sequence[str]) -> _Prepared:
+    check_overrides(overrides)
+    settings, scenario, attachment = _settings(record, overrides)
+    topics = replace(record.topics, parts=parts_of(settings))
+    histories = histories_of(record)
+    if topics.combined is None:
+        monitors = design_monitors(topics, settings, histories)
+        watch: _WatchWindow = _links(monitors)
+        records = [
+            design_record(design, link.source, link.target)
+            for link, design in zip(record.links, monitors.designs, strict=True)
+        ]
+        estimators = 0
+    else:
+        designs = design_combined(topics, settings, histories)
+        watch = _combined(Watch(topics=topics, designs=designs))
+        records = [design for _, design in design_messages(topics, designs)]
+        estimators = len(record.links) if topics.combined.parts.inputs else 0
+    return _Prepared(
+        topics=topics,
+        watch=watch,
+        designs=_by_link(records[: len(records) - estimators]),
+        input_designs=_by_link(records[len(records) - estimators :]),
+        attachments={**record.attachments, **attachment},
+        team=None if scenario is None else team_of_record(scenario, record),
+    )
+
+
+def _links(monitors: RunMonitors) -> Callable[[RunRecord], tuple[MonitorArrays, None]]:
+    """Monitors that look at one link each."""
+    states: Sequence[MonitorState] = monitors.init()
+
+    def watch(window: RunRecord) -> tuple[MonitorArrays, None]:
+        nonlocal states
+        states, outputs = monitors.run(states, window.received, window.delivered)
+        return outputs, None
+
+    return watch
+
+
+def _combined(monitors: Watch) -> Callable[[RunRecord], tuple[MonitorArrays, CombinedFields]]:
+    """Monitors that draw one conclusion from several tests; what was recorded does not change by it."""
+    spoofed = Spoofed(monitors.topics.links)
+
+    def watch(window: RunRecord) -> tuple[MonitorArrays, CombinedFields]:
+        lying = spoofed.rows(window.streams, window.first_step, window.steps)
+        monitors.follow(window.y, window.reference, window.received, window.delivered, lying)
+        return monitors.take()
+
+    return watch
+
+
+def _by_link(designs: Sequence[DesignRecord]) -> dict[Link, DesignRecord]:
+    return {Link(one.source, one.monitor): one for one in designs}
+
+
+def _settings(record: RunRecord, overrides: Sequence[str]) -> tuple[MonitorSettings, Scenario | None, dict[str, bytes]]:
+    """The monitor section, its scenario unless it is of a stream from outside, and the document that tells it."""
+    if record.scenario_text:
+        scenario = replayed_scenario(record.path, record.scenario_text, overrides)
+        return scenario.monitor, scenario, {SCENARIO_ATTACHMENT: scenario.to_yaml().encode()}
+    if MONITOR_ATTACHMENT not in record.attachments:
+        raise BagError(f"{record.path}: holds no {SCENARIO_ATTACHMENT}, expected the scenario of the run")
+    source = f"{record.path}/{MONITOR_ATTACHMENT}"
+    settings = parse_monitor(record.attachments[MONITOR_ATTACHMENT].decode(), source, overrides)
+    return settings, None, {MONITOR_ATTACHMENT: dump(settings.model_dump(mode="json")).encode()}
+
+
+def histories_of(record: RunRecord) -> dict[int, History]:
+    """The recorded history of every DGU that somebody listens to.
+
+    Raises:
+        BagError: One is missing or incomplete.
+        monitor.errors.HistoryError: Experiments that do not belong together.
+    """
+    found: dict[int, History] = {}
+    for dgu in sorted({link.source for link in record.links}):
+        experiments = [one for one in record.histories if one.dgu == dgu]
+        if not experiments:
+            raise BagError(f"{record.path}: holds no history of DGU {dgu}, expected one: `--history` names another bag")
+        announced = experiments[0].experiments
+        if len(experiments) != announced:
+            raise BagError(f"{record.path}: {len(experiments)} experiments of DGU {dgu}, expected {announced}")
+        found[dgu] = history_of(experiments)
+    return found

@@ -1,0 +1,1 @@
+"""What a monitor does: designs and steppers of a run."""

@@ -1,0 +1,177 @@
+"""What monitors that draw one conclusion from several tests said over some steps."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bags.wire.combined_topics import MASKS, CombinedTopics
+from monitor.combined import DguOutput
+
+_VECTOR, _INPUTS = 3, 2
+_VECTORS = ("estimate", "residual", "threshold")
+_PAIRS = ("input", "lower", "upper", "rate")
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class VerdictArrays:
+    """Which links lie; shape (steps, links) where not said otherwise. The fields are those of Verdict.msg."""
+
+    accused: NDArray[np.bool_]
+    by_residual: NDArray[np.bool_]
+    by_plausibility: NDArray[np.bool_]
+    by_stream: NDArray[np.bool_]
+    by_local: NDArray[np.bool_]
+    suspected: NDArray[np.bool_]
+    dropped: NDArray[np.bool_]
+    local: NDArray[np.bool_]
+    """Shape (steps, monitors)."""
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LocalArrays:
+    """What the local modules concluded, shape (steps, monitors) and (steps, monitors, 3); fields of Residual.msg."""
+
+    phase: NDArray[np.uint8]
+    alarm: NDArray[np.bool_]
+    estimate: NDArray[np.float64]
+    residual: NDArray[np.float64]
+    threshold: NDArray[np.float64]
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class InputArrays:
+    """Reconstructed inputs, shape (steps, links) and (steps, links, 2); the fields are those of InputEstimate.msg."""
+
+    lag: NDArray[np.uint32]
+    phase: NDArray[np.uint8]
+    alarm: NDArray[np.bool_]
+    input: NDArray[np.float64]
+    lower: NDArray[np.float64]
+    upper: NDArray[np.float64]
+    rate: NDArray[np.float64]
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CombinedArrays:
+    """Everything besides the residuals of the links.
+
+    Attributes:
+        verdict: Which links lie.
+        local: What the local modules concluded, None without them.
+        inputs: Reconstructed inputs, None without plausibility tests.
+    """
+
+    verdict: VerdictArrays
+    local: LocalArrays | None
+    inputs: InputArrays | None
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class CombinedFields:
+    """The fields of the messages of some steps on their way between messages and arrays: masks are numbers here.
+
+    Attributes:
+        verdict: Shape (steps, monitors).
+        local: Shape (steps, monitors, ...).
+        inputs: Shape (steps, links, ...).
+    """
+
+    verdict: Mapping[str, NDArray[Any]]
+    local: Mapping[str, NDArray[Any]]
+    inputs: Mapping[str, NDArray[Any]]
+
+    @classmethod
+    def empty(cls, topics: CombinedTopics, steps: int) -> "CombinedFields":
+        """Room for the messages of some steps."""
+        monitors, links = (steps, len(topics.monitors)), (steps, len(topics.links))
+        return cls(
+            verdict={
+                **{name: np.zeros(monitors, dtype=np.uint64) for name in (*MASKS, "dropped")},
+                "local": np.zeros(monitors, dtype=np.bool_),
+            },
+            local={
+                "phase": np.zeros(monitors, dtype=np.uint8),
+                "alarm": np.zeros(monitors, dtype=np.bool_),
+                **{name: np.full((*monitors, _VECTOR), np.nan) for name in _VECTORS},
+            }
+            if topics.parts.local
+            else {},
+            inputs={
+                "lag": np.zeros(links, dtype=np.uint32),
+                "phase": np.zeros(links, dtype=np.uint8),
+                "alarm": np.zeros(links, dtype=np.bool_),
+                **{name: np.full((*links, _INPUTS), np.nan) for name in _PAIRS},
+            }
+            if topics.parts.inputs
+            else {},
+        )
+
+    def by_topic(self, topics: CombinedTopics) -> Iterator[tuple[str, dict[str, NDArray[Any]]]]:
+        """Topic name and its fields over the steps."""
+        for position, monitor in enumerate(topics.monitors):
+            yield topics.verdict(monitor).topic.name, _at(self.verdict, position)
+            if self.local:
+                yield topics.residual(monitor).topic.name, _at(self.local, position)
+        for position, link in enumerate(topics.links if self.inputs else ()):
+            yield topics.input(link).topic.name, _at(self.inputs, position)
+
+    def arrays(self, topics: CombinedTopics) -> CombinedArrays:
+        """The arrays, masks opened up."""
+        flags = {name: _flags(self.verdict[name], topics) for name in (*MASKS, "dropped")}
+        return CombinedArrays(
+            verdict=VerdictArrays(**flags, local=self.verdict["local"]),
+            local=LocalArrays(**self.local) if self.local else None,
+            inputs=InputArrays(**self.inputs) if self.inputs else None,
+        )
+
+
+def fields_of(rows: Sequence[Sequence[DguOutput]], lags: Sequence[int], topics: CombinedTopics) -> CombinedFields:
+    """Put what all monitors said at some steps into message fields.
+
+    Args:
+        rows: One output for each monitor at each step.
+        lags: Of the input estimator on each link.
+        topics: The topics.
+    """
+    fields = CombinedFields.empty(topics, len(rows))
+    if not rows:
+        return fields
+    for name in MASKS:
+        flags = [[getattr(one.verdict.isolation, name) for one in row] for row in rows]
+        fields.verdict[name][:] = _masks(flags)
+    fields.verdict["dropped"][:] = _masks([[one.verdict.dropped for one in row] for row in rows])
+    fields.verdict["local"][:] = [[one.verdict.isolation.local for one in row] for row in rows]
+    for name, array in fields.local.items():
+        array[:] = [[getattr(one.local.monitor, name) for one in row if one.local is not None] for row in rows]
+    for name, array in fields.inputs.items():
+        if name == "lag":
+            array[:] = lags
+        else:
+            array[:] = [[getattr(said, name) for one in row for said in one.inputs] for row in rows]
+    return fields
+
+
+def _at(fields: Mapping[str, NDArray[Any]], position: int) -> dict[str, NDArray[Any]]:
+    return {name: array[:, position] for name, array in fields.items()}
+
+
+def _masks(flags: list[list[Any]]) -> list[list[int]]:
+    return [[sum(1 << bit for bit, flag in enumerate(one) if flag) for one in row] for row in flags]
+
+
+def _flags(masks: NDArray[np.uint64], topics: CombinedTopics) -> NDArray[np.bool_]:
+    """Masks (steps, monitors) as flags (steps, links)."""
+    columns = [
+        (masks[:, position] >> np.uint64(bit)) & np.uint64(1) > 0
+        for position, monitor in enumerate(topics.monitors)
+        for bit in range(len(topics.sources(monitor)))
+    ]
+    return np.stack(columns, axis=1) if columns else np.zeros((len(masks), 0), dtype=np.bool_)

@@ -1,0 +1,241 @@
+"""All monitors of a run at once, as the offline simulation and the replay need them.
+
+A node steps one LinkMonitor with floats. Here the same LinkMonitor steps all links whose observers have the same
+shape with arrays over links: the same multiply-adds in the same order, so the same bits.
+"""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bags.mcap.errors import BagError
+from bags.watch.monitor_blocks import run_monitor
+from bags.watch.stacked_observer import StackedObserver
+from bags.wire.schema import RunTopics
+from dgu_sim.grid import Link
+from dgu_sim.settings import MonitorSettings
+from monitor import detectors, observers
+from monitor.delayed import ConstantInput
+from monitor.detectors import Detector, Phase
+from monitor.history import History
+from monitor.link_monitor import LinkMonitor, MonitorOutput, MonitorState
+from monitor.observers import Design, LinearObserver, Observer
+
+_WIDTH = 3  # components of a received output
+
+
+class Watching(Protocol):
+    """What watches one link, as far as stepping it matters; a Design is one."""
+
+    @property
+    def observer(self) -> Observer | None:
+        """None when refused."""
+
+    @property
+    def channels(self) -> tuple[int, ...] | None:
+        """Positions in the received vector of the outputs that it uses."""
+
+    @property
+    def blind(self) -> bool:
+        """Whether its residual shows nothing."""
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LinkGroup:
+    """Links whose monitors step together.
+
+    Attributes:
+        positions: Where they are on the axis "links", shape (group,).
+        monitor: Their monitors as one.
+    """
+
+    positions: NDArray[np.intp]
+    monitor: LinkMonitor
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class MonitorArrays:
+    """What all monitors concluded over some steps; the fields are those of RunRecord."""
+
+    phase: NDArray[np.uint8]
+    alarm: NDArray[np.bool_]
+    estimate: NDArray[np.float64]
+    residual: NDArray[np.float64]
+    threshold: NDArray[np.float64]
+
+    def at(self, row: int, link: int) -> MonitorOutput:
+        """What one monitor concluded at one step, as numbers."""
+        return MonitorOutput(
+            phase=int(self.phase[row, link]),
+            alarm=bool(self.alarm[row, link]),
+            estimate=self.estimate[row, link].tolist(),
+            residual=self.residual[row, link].tolist(),
+            threshold=self.threshold[row, link].tolist(),
+        )
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunMonitors:
+    """The monitors of all links of a run.
+
+    Attributes:
+        designs: What was designed for each link, in the order of the links.
+        groups: How they step.
+    """
+
+    designs: tuple[Design, ...]
+    groups: tuple[LinkGroup, ...]
+
+    def init(self) -> tuple[MonitorState, ...]:
+        """State before the first sample."""
+        return tuple(group.monitor.init() for group in self.groups)
+
+    def run(
+        self, states: Sequence[MonitorState], received: NDArray[np.float64], delivered: NDArray[np.bool_]
+    ) -> tuple[tuple[MonitorState, ...], MonitorArrays]:
+        """Take the samples of consecutive steps.
+
+        Args:
+            states: State of each group.
+            received: Shape (steps, links, 3).
+            delivered: Shape (steps, links).
+        """
+        shape = delivered.shape
+        arrays = MonitorArrays(
+            phase=np.full(shape, Phase.REFUSED.value, dtype=np.uint8),
+            alarm=np.zeros(shape, dtype=np.bool_),
+            estimate=np.full((*shape, _WIDTH), np.nan),
+            residual=np.full((*shape, _WIDTH), np.nan),
+            threshold=np.full((*shape, _WIDTH), np.nan),
+        )
+        following = [
+            _run_group(group, state, received, delivered, arrays)
+            for group, state in zip(self.groups, states, strict=True)
+        ]
+        return tuple(following), arrays
+
+
+def design_monitors(topics: RunTopics, settings: MonitorSettings, histories: Mapping[int, History]) -> RunMonitors:
+    """Design an observer for every link from the history of its source.
+
+    Args:
+        topics: The links and T_s.
+        settings: Observer and detector.
+        histories: History of each DGU.
+
+    Raises:
+        BagError: A history has more states than a message carries.
+        monitor.errors.MonitorError: Unknown kind or option.
+    """
+    for source, history in histories.items():
+        if history.states > _WIDTH:
+            raise BagError(
+                f"the history of DGU {source} has {history.states} states, expected at most {_WIDTH}: a "
+                "dcmg_msgs/Residual carries no more"
+            )
+    kind, options = settings.observer.kind, settings.observer.options
+    by_source = {
+        source: observers.design(kind, histories[source], options)
+        for source in sorted({link.source for link in topics.links})
+    }
+    designs = tuple(by_source[link.source] for link in topics.links)
+    detector = detectors.build(settings.detector.kind, settings.detector.options, topics.sampling_period_ns * 1e-9)
+    return RunMonitors(designs=designs, groups=group_monitors(designs, detector))
+
+
+def group_monitors(designs: Sequence[Watching], detector: Detector[Any]) -> tuple[LinkGroup, ...]:
+    """Put the monitors of all links together, those of equal shape into one.
+
+    Args:
+        designs: What watches each link.
+        detector: The detector of every link.
+    """
+    return tuple(
+        LinkGroup(
+            positions=np.array(positions, dtype=np.intp),
+            monitor=LinkMonitor(
+                observer=observer,
+                detector=detector,
+                channels=designs[positions[0]].channels,
+                blind=designs[positions[0]].blind,
+            ),
+        )
+        for positions, observer in _grouped(designs)
+    )
+
+
+def alarm_changes(alarm: NDArray[np.bool_], before: NDArray[np.bool_], links: Sequence[Link]) -> list[tuple[int, int]]:
+    """Row and link position of every alarm that starts or ends, in the order in which they are told.
+
+    Args:
+        alarm: Verdicts, shape (steps, links).
+        before: Verdicts at the step before the first, shape (links,).
+        links: The links.
+    """
+    rows, positions = np.nonzero(np.diff(np.concatenate([before[None], alarm]), axis=0))
+    found = zip(rows.tolist(), positions.tolist(), strict=True)
+    return sorted(found, key=lambda one: (one[0], links[one[1]].target, links[one[1]].source))
+
+
+def _grouped(designs: Sequence[Watching]) -> list[tuple[list[int], Observer]]:
+    """Positions and observer of the links that step together; refused ones are in no group."""
+    shapes: dict[tuple[object, ...], list[int]] = {}
+    for position, design in enumerate(designs):
+        observer = design.observer
+        linear = _linear(observer)
+        if linear is not None:
+            shape = (linear is observer, linear.order, linear.states, linear.outputs, linear.inputs, linear.lag)
+            shapes.setdefault((design.blind, design.channels, *shape), []).append(position)
+        elif observer is not None:
+            shapes[position,] = [position]
+    return [
+        (positions, _stacked([designs[position].observer for position in positions])) for positions in shapes.values()
+    ]
+
+
+def _stacked(members: Sequence[Observer | None]) -> Observer:
+    linear = [one for one in map(_linear, members) if one is not None]
+    if not linear:
+        (only,) = members
+        assert only is not None  # noqa: S101 - the caller leaves refused designs out
+        return only
+    first = linear[0]
+    stacked = StackedObserver(
+        whole=np.stack([np.block([[one.H, one.J], [one.M, one.D], [one.A, one.B]]) for one in linear], axis=-1),
+        start=np.stack([one.Z for one in linear], axis=-1),
+        inputs=first.inputs,
+        outputs=first.outputs,
+        states=first.states,
+        lag=first.lag,
+    )
+    return stacked if first is members[0] else ConstantInput(stacked)
+
+
+def _linear(observer: Observer | None) -> LinearObserver | None:
+    """The matrices that step: of the observer itself, or of the one behind a constant input."""
+    inner = observer.inner if isinstance(observer, ConstantInput) else observer
+    return inner if isinstance(inner, LinearObserver) else None
+
+
+def _run_group(
+    group: LinkGroup,
+    state: MonitorState,
+    received: NDArray[np.float64],
+    delivered: NDArray[np.bool_],
+    arrays: MonitorArrays,
+) -> MonitorState:
+    """Step one group through all samples and write its conclusions into the arrays of all links."""
+    y = np.ascontiguousarray(received[:, group.positions].swapaxes(1, 2))  # (steps, 3, group)
+    arrived = np.ascontiguousarray(delivered[:, group.positions])
+    state, (phase, alarm, numbers) = run_monitor(group.monitor, state, y, arrived)
+    arrays.phase[:, group.positions] = phase
+    arrays.alarm[:, group.positions] = alarm
+    for kind, target in enumerate((arrays.estimate, arrays.residual, arrays.threshold)):
+        target[:, group.positions] = numbers[:, kind].swapaxes(1, 2)
+    return state

@@ -1,0 +1,164 @@
+"""A whole team at once, as the offline simulation and the replay need it.
+
+Every member steps with floats through the same `Member.step` as in its node, fed with the same numbers.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bags.watch.histories import grid_history_of_run
+from bags.watch.team_record import TeamArrays
+from bags.wire.convert import history_of
+from bags.wire.records import DesignRecord
+from bags.wire.team_topics import GRID, TeamTopics
+from dgu_sim.scenario import Scenario
+from dgu_sim.signals import first_step
+from dgu_sim.team_checks import team_links
+from dgu_sim.team_settings import AnnouncedInput, TeamEventKind
+from monitor.history import History
+from monitor.team import Lie, MemberOutput, MemberState, Presence, TeamDesign, TeamPlan, design_team
+
+OBSERVER = "distributed"
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class RunTeam:
+    """The team of a run.
+
+    Attributes:
+        topics: Its topics.
+        plan: Who is in it.
+        design: What was designed.
+    """
+
+    topics: TeamTopics
+    plan: TeamPlan
+    design: TeamDesign
+
+    def init(self) -> tuple[tuple[MemberState, ...], TeamArrays]:
+        """States before step 0, and the nothing that came before."""
+        return tuple(member.init() for member in self.design.members), TeamArrays.empty(self.topics, 1)
+
+    def run(
+        self,
+        before: tuple[tuple[MemberState, ...], TeamArrays],
+        y: NDArray[np.float64],
+        received: NDArray[np.float64],
+        inputs: NDArray[np.float64],
+    ) -> tuple[tuple[tuple[MemberState, ...], TeamArrays], TeamArrays]:
+        """Take consecutive steps.
+
+        Args:
+            before: States, and what was told up to now (the last row counts).
+            y: Outputs as sent, shape (steps, dgus, 3).
+            received: Outputs as received, NaN where not delivered, shape (steps, links, 3).
+            inputs: Announced inputs, shape (steps, announcing DGUs, 2).
+
+        Returns:
+            The same for the next call, and what was told.
+        """
+        states, earlier = before
+        arrays = TeamArrays.empty(self.topics, len(y))
+        arrays.inputs[:] = inputs
+        told = [earlier.at(-1, at) for at in range(len(states))]
+        announced = earlier.inputs[-1].tolist()
+        own, incoming, following = y.tolist(), received.tolist(), inputs.tolist()
+        for row in range(len(y)):
+            stepped = [
+                member.step(state, *self._fed(at, own[row], incoming[row], announced, told))
+                for at, (member, state) in enumerate(zip(self.design.members, states, strict=True))
+            ]
+            states, told, announced = tuple(one for one, _ in stepped), [two for _, two in stepped], following[row]
+            for at, output in enumerate(told):
+                arrays.put(row, at, output)
+        return (states, arrays), arrays
+
+    def _fed(
+        self,
+        at: int,
+        own: Sequence[Sequence[float]],
+        received: Sequence[Sequence[float]],
+        announced: Sequence[Sequence[float]],
+        told: Sequence[MemberOutput],
+    ) -> tuple[list[float], list[float], list[tuple[float, ...] | None]]:
+        """What one member gets at one step, from what all have."""
+        member = self.plan.members[at]
+        y: list[float] = []
+        for dgu in self.plan.heard[member]:
+            y += own[at] if dgu == member else received[self._link(dgu, member)]
+        known = self.plan.told([announced[self.topics.announcing.index(dgu)] for dgu in self.plan.unheard(member)])
+        return y, known, [told[self.plan.members.index(other)].told for other in self.plan.neighbours(member)]
+
+    def _link(self, source: int, target: int) -> int:
+        return next(at for at, one in enumerate(self.topics.links) if (one.source, one.target) == (source, target))
+
+
+def plan_of(scenario: Scenario, topics: TeamTopics) -> TeamPlan:
+    """What the members are told besides data."""
+    team = scenario.monitor.team
+    if team is None:
+        raise ValueError(f"scenario {scenario.name} has no monitor.team")
+
+    def step(time_sec: float) -> int:
+        return first_step(time_sec, scenario.sampling_period_sec)
+
+    comings = [one for one in team.events if one.kind is not TeamEventKind.LIES]
+    presence = [Presence(step(one.start_sec), one.member, one.kind is TeamEventKind.JOINS) for one in comings]
+    lies = tuple(
+        Lie(one.member, step(one.start_sec), None if one.stop_sec is None else step(one.stop_sec), one.bias)
+        for one in team.events
+        if one.bias is not None
+    )
+    told_load, told_reference = (one in team.announced for one in AnnouncedInput)
+    return TeamPlan(
+        members=topics.dgus,
+        heard={member: topics.hears(member) for member in topics.dgus},
+        links=team_links(scenario),
+        announced=(told_load, told_reference),
+        structure=team.structure.value,
+        leader=team.leader,
+        chi=team.coupling,
+        sampling_period_sec=scenario.sampling_period_sec,
+        detector={name: getattr(team, name) for name in ("settle_sec", "calibrate_sec", "margin", "floor")},
+        isolate=team.isolate,
+        presence=tuple(sorted(presence)),
+        lies=lies,
+    )
+
+
+def run_team(scenario: Scenario, topics: TeamTopics, history: History) -> RunTeam:
+    """Design the team of a scenario from a record of the whole grid.
+
+    Raises:
+        monitor.errors.MonitorError: The record is of another grid.
+    """
+    plan = plan_of(scenario, topics)
+    return RunTeam(topics=topics, plan=plan, design=design_team(plan, history))
+
+
+def design_of(scenario: Scenario) -> TeamDesign:
+    """The team that a scenario's monitors will find, from its record of the whole grid.
+
+    Raises:
+        BagError: The bag of histories cannot be read or holds none of the grid.
+        monitor.errors.MonitorError: The record is of another grid.
+    """
+    topics = TeamTopics(dgus=scenario.grid.dgus, links=scenario.links, sampling_period_ns=scenario.sampling_period_ns)
+    return run_team(scenario, topics, history_of(grid_history_of_run(scenario))).design
+
+
+def team_design_record(design: TeamDesign, member: int) -> DesignRecord:
+    """The design of the team in the form in which it travels."""
+    return DesignRecord(
+        source=GRID,
+        monitor=member,
+        observer=OBSERVER,
+        accepted=design.accepted,
+        verdict=design.verdict,
+        certificate=design.report.to_json(),
+    )

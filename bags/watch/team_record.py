@@ -1,0 +1,120 @@
+"""What a run says about its team, as arrays and documents."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
+
+from bags.wire.records import AlarmRecord, DesignRecord, HistoryRecord
+from bags.wire.team_topics import TeamTopics
+from monitor.link_monitor import MonitorOutput
+from monitor.team import MemberOutput, MemberPhase
+
+_WIDTH = 3
+_VECTORS = ("estimate", "disagreement", "threshold")
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TeamArrays:
+    """What all members told over some steps; axes "members" and "dgus" are those of the team's topics.
+
+    Attributes:
+        inputs: Announced inputs, shape (steps, announcing DGUs, 2): I_L [A], V_ref + alpha [V].
+        phase: Shape (steps, members), constants of TeamEstimate.msg.
+        alarm: Who accuses whom, shape (steps, members, members).
+        estimate: As told, shape (steps, members, 3 dgus) [V, A, V s].
+        disagreement: Shape (steps, members, 3 members) [V, A, V s].
+        threshold: Likewise.
+    """
+
+    inputs: NDArray[np.float64]
+    phase: NDArray[np.uint8]
+    alarm: NDArray[np.bool_]
+    estimate: NDArray[np.float64]
+    disagreement: NDArray[np.float64]
+    threshold: NDArray[np.float64]
+
+    @classmethod
+    def empty(cls, topics: TeamTopics, steps: int) -> "TeamArrays":
+        """Arrays to be filled."""
+        team = len(topics.dgus)
+        vectors = {name: np.full((steps, team, _WIDTH * team), np.nan) for name in _VECTORS}
+        return cls(
+            inputs=np.full((steps, len(topics.announcing), 2), np.nan),
+            phase=np.zeros((steps, team), dtype=np.uint8),
+            alarm=np.zeros((steps, team, team), dtype=np.bool_),
+            **vectors,
+        )
+
+    def targets(self, topics: TeamTopics) -> dict[str, dict[str, NDArray[Any]]]:
+        """Where the fields of each per-step topic go, by topic."""
+        found: dict[str, dict[str, NDArray[Any]]] = {}
+        for position, dgu in enumerate(topics.announcing):
+            columns = {name: self.inputs[:, position, at] for at, name in enumerate(("load_current", "reference"))}
+            found[topics.inputs(dgu).topic.name] = columns
+        for position, member in enumerate(topics.dgus):
+            fields = ("phase", "alarm", *_VECTORS)
+            found[topics.estimate(member).topic.name] = {name: getattr(self, name)[:, position] for name in fields}
+        return found
+
+    def accusation(self, row: int, member: int, accused: int) -> MonitorOutput:
+        """Verdict of one member on another at one step, by their positions."""
+        return accusation(self.at(row, member), accused)
+
+    def at(self, row: int, member: int) -> MemberOutput:
+        """What one member told at one step, as numbers."""
+        vectors = (tuple(getattr(self, name)[row, member].tolist()) for name in _VECTORS)
+        return MemberOutput(int(self.phase[row, member]), tuple(self.alarm[row, member].tolist()), *vectors)
+
+    def put(self, row: int, member: int, output: MemberOutput) -> None:
+        """Write down what one member told."""
+        self.phase[row, member], self.alarm[row, member] = output.phase, output.alarm
+        for name in _VECTORS:
+            getattr(self, name)[row, member] = getattr(output, name)
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TeamRecord:
+    """What a bag says about its team besides what was told at every step.
+
+    Attributes:
+        designs: Of each member, by its DGU.
+        alarms: Accusations that started or ended, in order of time; `source` is the accused member.
+        histories: Experiments on the whole grid.
+    """
+
+    designs: Mapping[int, DesignRecord]
+    alarms: tuple[AlarmRecord, ...]
+    histories: tuple[HistoryRecord, ...]
+
+
+def accusation(output: MemberOutput, accused: int) -> MonitorOutput:
+    """A member's verdict on another, by its position, as an alarm tells it."""
+    part = slice(_WIDTH * accused, _WIDTH * (accused + 1))
+    return MonitorOutput(
+        phase=output.phase,
+        alarm=output.alarm[accused],
+        estimate=(),
+        residual=output.disagreement[part],
+        threshold=output.threshold[part],
+    )
+
+
+def accusation_changes(alarm: NDArray[np.bool_], before: NDArray[np.bool_]) -> list[tuple[int, int, int]]:
+    """Row, accusing and accused member (positions) of every accusation that starts or ends, in order.
+
+    Args:
+        alarm: Verdicts, shape (steps, members, members).
+        before: Verdicts at the step before, shape (members, members).
+    """
+    found = np.nonzero(np.diff(np.concatenate([before[None], alarm]), axis=0))
+    return [(int(row), int(one), int(two)) for row, one, two in zip(*found, strict=True)]
+
+
+def present(arrays: TeamArrays) -> NDArray[np.bool_]:
+    """Where members estimate, shape (steps, members)."""
+    return np.asarray(arrays.phase == MemberPhase.PRESENT.value)

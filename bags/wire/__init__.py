@@ -1,0 +1,1 @@
+"""The messages: the table of topics, records and their bytes."""

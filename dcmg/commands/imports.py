@@ -1,0 +1,212 @@
+"""`dcmg import`: other people's bags and tables as histories and received streams."""
+
+from __future__ import annotations
+
+import json as json_module
+import shutil
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from rich.console import Console
+from rich.progress import Progress, TaskID
+
+from bags.foreign.importing import import_histories, import_streams
+from bags.foreign.mapping import Mapping, Stamps, load_data, mapping_of
+from bags.foreign.outline import Described, describe_source
+from bags.foreign.sampling import Policy
+from dcmg.errors import CommandError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable, Sequence
+
+    from bags.foreign.importing import ImportReport
+
+_COMMAND_LINE = "command line"
+
+app = typer.Typer(
+    no_args_is_help=True,
+    rich_markup_mode="markdown",
+    help="""Bring measurements of other programs in: bags (rosbag2 with MCAP or sqlite3, ROS 1), tables (CSV, Parquet).
+
+A *field* is `/topic.field.inner[0]` in a bag and the name of a column in a table; `field*factor` brings it to SI units.
+A mapping file says the same and more: docs/import.md. Start with `dcmg import inspect SOURCE`.""",
+)
+
+Source = Annotated[
+    Path, typer.Argument(help="rosbag2 folder, .mcap, .db3 or .bag file; .csv or .parquet table", show_default=False)
+]
+MappingFile = Annotated[
+    Path | None, typer.Option("--mapping", metavar="FILE", help="mapping file; the options below change it")
+]
+Out = Annotated[Path, typer.Option(help="bag to write; must not exist")]
+Y = Annotated[list[str] | None, typer.Option(help="field of an output; repeatable, in order")]
+Time = Annotated[str | None, typer.Option(metavar="COLUMN", help="instants of a table, times its factor in seconds")]
+Period = Annotated[float | None, typer.Option(metavar="SECONDS", help="sampling period [s]; default: detected")]
+StampsOption = Annotated[Stamps | None, typer.Option(help="clock of a bag's messages; default: auto")]
+PolicyOption = Annotated[
+    Policy | None, typer.Option(help="what stands for the sample at an instant; default: refuse what is irregular")
+]
+Tolerance = Annotated[float | None, typer.Option(help="share of the period by which an instant may be off [0.01]")]
+MaxGap = Annotated[float | None, typer.Option(metavar="SECONDS", help="longest time that hold or linear bridges [s]")]
+Json = Annotated[bool, typer.Option("--json", help="print the result as one JSON document, and nothing else there")]
+
+
+@app.callback()
+def main() -> None:
+    """Bring measurements of other programs in."""
+
+
+@app.command()
+def inspect(source: Source, *, json: Json = False) -> None:
+    """Show what a bag or table holds: topics, numeric fields, period, jitter, gaps."""
+    found = describe_source(source)
+    if json:
+        typer.echo(json_module.dumps([one.document() for one in found]))
+        return
+    for one in found:
+        _show_topic(one)
+
+
+@app.command()
+def history(
+    source: Source,
+    *,
+    out: Out,
+    mapping: MappingFile = None,
+    dgu: Annotated[int | None, typer.Option(min=1, help="number of the DGU that was measured")] = None,
+    y: Y = None,
+    x: Annotated[list[str] | None, typer.Option(help="field of a state; default: the outputs are the states")] = None,
+    u: Annotated[list[str] | None, typer.Option(help="field of a known input; default: none")] = None,
+    d: Annotated[
+        list[str] | None, typer.Option(help="field of an input applied, unknown online; default: none")
+    ] = None,
+    w: Annotated[list[str] | None, typer.Option(help="field that only the DGU itself measures; default: none")] = None,
+    time: Time = None,
+    period: Period = None,
+    stamps: StampsOption = None,
+    policy: PolicyOption = None,
+    tolerance: Tolerance = None,
+    max_gap: MaxGap = None,
+    json: Json = False,
+) -> None:
+    """Write measurements as a history, from which `dcmg design`, `run --history` and `monitor` design observers."""
+    entry = {"dgu": dgu, "y": y, "x": x, "u": u, "d": d, "w": w}
+    changes = _changes(time=time, period=period, stamps=stamps, policy=policy, tolerance=tolerance, max_gap=max_gap)
+    found = _mapping(mapping, "histories", entry, needed=("dgu", "y"), changes=changes)
+    report = _with_progress(lambda progress: import_histories(source, found, out, progress))
+    counts = ", ".join(f"{count} of DGU {number}" for number, count in report.experiments.items())
+    _tell(report, f"{report.samples} samples in experiments ({counts}) are in {out}", json=json)
+
+
+@app.command()
+def stream(
+    source: Source,
+    *,
+    out: Out,
+    mapping: MappingFile = None,
+    link: Annotated[str | None, typer.Option(metavar="I-J", help="from the watched DGU to the receiving one")] = None,
+    y: Y = None,
+    delivered: Annotated[str | None, typer.Option(metavar="FIELD", help="0 where the sample was lost")] = None,
+    history: Annotated[
+        Path | None, typer.Option(metavar="BAG", help="histories of the watched DGUs, copied into the bag")
+    ] = None,
+    time: Time = None,
+    period: Period = None,
+    stamps: StampsOption = None,
+    policy: PolicyOption = None,
+    tolerance: Tolerance = None,
+    max_gap: MaxGap = None,
+    json: Json = False,
+) -> None:
+    """Write measurements as received outputs, which `dcmg replay` monitors."""
+    entry = {"link": link, "y": y, "delivered": delivered}
+    changes = _changes(time=time, period=period, stamps=stamps, policy=policy, tolerance=tolerance, max_gap=max_gap)
+    found = _mapping(mapping, "streams", entry, needed=("link", "y"), changes=changes)
+    report = _with_progress(lambda progress: import_streams(source, found, out, history, progress))
+    _tell(report, f"{report.samples} samples of {len(found.streams)} link(s) are in {out}", json=json)
+
+
+@app.command()
+def example(
+    folder: Annotated[Path, typer.Argument(help="folder to write to; new or empty", show_default=False)],
+) -> None:
+    """Write the worked example of docs/import.md: a laboratory's bag, a field bag with an attack, a mapping file."""
+    from dcmg.hardware.bags import FIELD, LAB, write_field_bag, write_lab_bag  # noqa: PLC0415 (heavy)
+
+    if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
+        raise CommandError(f"{folder}: expected a new or empty folder, found one that holds something")
+    folder.mkdir(parents=True, exist_ok=True)
+    shutil.copyfile(str(resources.files("dcmg") / "hardware" / "mapping.yaml"), folder / "mapping.yaml")
+    write_lab_bag(folder / LAB)
+    write_field_bag(folder / FIELD)
+    typer.echo(f"{LAB} (MCAP), {FIELD} (sqlite3) and mapping.yaml are in {folder}")
+
+
+def _changes(
+    *,
+    time: str | None,
+    period: float | None,
+    stamps: Stamps | None,
+    policy: Policy | None,
+    tolerance: float | None,
+    max_gap: float | None,
+) -> dict[str, Any]:
+    """Keys of a mapping that the options set."""
+    top = {"time": time, "sampling_period_sec": period, "stamps": stamps and stamps.value}
+    sampling = {"policy": policy and policy.value, "tolerance": tolerance, "max_gap_sec": max_gap}
+    return {**_given(top), "sampling": _given(sampling)}
+
+
+def _mapping(
+    file: Path | None, section: str, entry: dict[str, Any], *, needed: Sequence[str], changes: dict[str, Any]
+) -> Mapping:
+    """The mapping file, or the one that the options describe, with the options' changes."""
+    given = _given(entry)
+    if file is None:
+        for name in needed:
+            if name not in given:
+                raise CommandError(f"--{name}: expected it, or a --mapping that says what is what")
+        data: dict[str, Any] = {section: [given]}
+    elif given:
+        raise CommandError(f"--{next(iter(given))}: expected either this or --mapping {file}, found both")
+    else:
+        data = load_data(file)
+    sampling = data.get("sampling", {})
+    merged = {**sampling, **changes.pop("sampling")} if isinstance(sampling, dict) else sampling
+    return mapping_of({**data, **changes, "sampling": merged}, str(file or _COMMAND_LINE))
+
+
+def _given(options: dict[str, Any]) -> dict[str, Any]:
+    return {name: value for name, value in options.items() if value is not None}
+
+
+def _with_progress(job: Callable[[Callable[[str, int, int], None]], ImportReport]) -> ImportReport:
+    console = Console(stderr=True)
+    with Progress(console=console, transient=True, disable=not console.is_terminal) as bar:
+        tasks: dict[str, TaskID] = {}
+
+        def progress(what: str, done: int, total: int) -> None:
+            if what not in tasks:
+                tasks[what] = bar.add_task(what)
+            bar.update(tasks[what], completed=done, total=total)
+
+        return job(progress)
+
+
+def _tell(report: ImportReport, result: str, *, json: bool) -> None:
+    if json:
+        typer.echo(json_module.dumps(report.document()))
+        return
+    for line in report.sentences():
+        typer.echo(line)
+    typer.echo(result)
+
+
+def _show_topic(one: Described) -> None:
+    typer.echo(f"{one.name}  {one.type_name}, {one.messages} messages")
+    for line in one.regularity.sentences()[:6] if one.regularity else ():
+        typer.echo(f"    {line.partition(': ')[2]}")
+    if one.fields:
+        typer.echo(f"    numbers: {' '.join(one.fields)}")

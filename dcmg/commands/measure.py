@@ -1,0 +1,52 @@
+"""`dcmg measure`: what is claimed of attacks and detectors, measured on the six-DGU grid."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from dcmg.commands.paper import PaperExperiment, add_command
+
+app = typer.Typer(no_args_is_help=True, help="Measure what is claimed of attacks and detectors.")
+
+_PACKAGE = "dcmg.measures"
+
+MEASURES = {
+    "false-alarms": PaperExperiment(
+        package=_PACKAGE,
+        module="false_alarms",
+        title="False alarms of noise_bound and calibrated against their promises, held and joint, three kinds of noise",
+    ),
+    "impact": PaperExperiment(
+        package=_PACKAGE, module="impact", title="What current biases do to the mean voltage, against the formulas"
+    ),
+    "roc": PaperExperiment(
+        package=_PACKAGE,
+        module="roc",
+        title="Biases on the jointly integrated grid, loads of +-1 A: ROC and its area",
+    ),
+    "damage": PaperExperiment(
+        package=_PACKAGE,
+        module="damage",
+        title="The largest damage of attacks that leave no residual, under limits of what is plausible",
+    ),
+    "damage-combined": PaperExperiment(
+        package=_PACKAGE, module="damage_combined", title="The same attacks, watched by the combined monitor", seed=1
+    ),
+}
+
+
+@app.command("list")
+def list_() -> None:
+    """List the measurements."""
+    table = Table("measurement", "what it shows", box=None)
+    for name, measure in MEASURES.items():
+        table.add_row(name, measure.title)
+    Console().print(table)
+
+
+for _name, _measure in MEASURES.items():
+    add_command(app, _name, _measure, Path("out/measure"))

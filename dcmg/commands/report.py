@@ -1,0 +1,105 @@
+"""`dcmg report`: what a recorded run says about detection, as a web page and a JSON document."""
+
+from __future__ import annotations
+
+from pathlib import Path  # noqa: TC003 (typer reads the annotations)
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import Progress
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Iterator
+
+    from bags.reporting.write import Report
+    from bags.runs.run_record import RunRecord
+
+_messages = Console(stderr=True)
+
+
+def report(
+    bag: Annotated[Path, typer.Argument(help="bag of a run: recorded, simulated, or repaired", show_default=False)],
+    *,
+    out: Annotated[
+        Path | None,
+        typer.Option(
+            help="folder for report.html and report.json; default: BAG's name and _report", show_default=False
+        ),
+    ] = None,
+    set_: Annotated[
+        list[str] | None,
+        typer.Option(
+            "--set",
+            metavar="A.B=VALUE",
+            help="judge by other monitors than the recorded ones, as in `monitor.detector={kind: cusum}`; repeatable",
+            show_default=False,
+        ),
+    ] = None,
+    level: Annotated[float, typer.Option(min=0.5, max=0.999, help="confidence of the intervals")] = 0.95,
+    seed: Annotated[int, typer.Option(min=0, help="seed of the bootstrap")] = 1,
+    block: Annotated[
+        float, typer.Option(metavar="SECONDS", min=1e-6, help="least time drawn as one piece in the bootstrap")
+    ] = 0.5,
+    aftermath: Annotated[
+        float, typer.Option(metavar="SECONDS", min=0.0, help="time after an attack that counts for nothing")
+    ] = 0.5,
+    json: Annotated[bool, typer.Option("--json", help="print the JSON document, and nothing else there")] = False,
+) -> None:
+    """Measure a run: detection, false alarms, ROC, isolation, impact, errors of estimates, with confidence intervals.
+
+    Writes one HTML file with interactive plots, which opens without a network, and one JSON file with every number.
+    """
+    from bags.reporting.options import ReportOptions  # noqa: PLC0415
+    from bags.reporting.write import write_report  # noqa: PLC0415
+    from bags.runs.reader import open_run  # noqa: PLC0415 (heavy)
+    from bags.runs.replay import replay_windows  # noqa: PLC0415
+
+    run = open_run(bag)
+    windows: Iterable[RunRecord] = replay_windows(run.windows(), set_) if set_ else run.windows()
+    options = ReportOptions(level=level, seed=seed, block_sec=block, aftermath_sec=aftermath)
+    folder = out or bag.with_name(f"{bag.resolve().name}_report")
+    made = write_report(_shown(windows, run.steps), run.steps, folder, options)
+    if json:
+        typer.echo(made.json.read_text(encoding="utf-8"))
+        return
+    for line in _lines(made):
+        typer.echo(line)
+
+
+def _shown(windows: Iterable[RunRecord], steps: int) -> Iterator[RunRecord]:
+    """Pass the windows on, with a progress bar for as long as they last."""
+    with Progress(console=_messages, transient=True) as progress:
+        task = progress.add_task("reading", total=steps)
+        for window in windows:
+            yield window
+            progress.update(task, completed=window.end_step)
+
+
+def _lines(made: Report) -> list[str]:
+    """The run in a few lines, and where the rest is."""
+    from bags.reporting.wording import interval, number, share  # noqa: PLC0415 (heavy)
+
+    lines = []
+    for one in made.assessment.attacks:
+        links = ", ".join(str(link) for link in one.attack.links)
+        seen = f"seen after {number(one.episode.delay_sec)} s" if one.episode.detected else "missed"
+        lines.append(f"{one.attack.kind} on {links} from {one.episode.start_sec:g} s: {seen}")
+        if one.unanswered and one.impact:
+            largest, avoided = one.impact["mean_voltage"].largest, one.unanswered["mean_voltage"].largest
+            lines.append(f"  largest |<V> - <V_ref>|: {number(largest)} V, without response {number(avoided)} V")
+    overall = made.assessment.overall.get(made.assessment.main)
+    if overall is not None:
+        rate = overall.rates.false_alarm_rate
+        alarms = "false alarms" if made.timeline.labelled else "alarms (not known whether false)"
+        lines.append(
+            f"{alarms}: {overall.rates.false_alarms}; {share(rate.value)} of {overall.rates.quiet_samples} "
+            f"quiet samples {interval(rate, percent=True)}"
+        )
+        if made.assessment.attacks:
+            lines.append(f"attacked samples with an alarm: {share(overall.rates.seen_rate.value)}")
+        if overall.roc is not None:
+            lines.append(
+                f"area under the ROC: {number(overall.roc.area.value, 4)} {interval(overall.roc.area, digits=4)}"
+            )
+    return [*lines, f"page: {made.html}", f"data: {made.json}"]

@@ -1,0 +1,157 @@
+"""`dcmg study`: many runs, one table."""
+
+from __future__ import annotations
+
+import json as json_module
+import os
+import sys
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
+from rich.table import Table
+
+from dcmg.errors import CommandError
+from dcmg.shipped import scenario_path
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from bags.study import Cell, Comparison
+
+_EXIT_INTERRUPTED = 130
+_PIPED_WIDTH = 160
+
+
+def shipped_studies() -> dict[str, Path]:
+    """Return the studies that come with the package: name → file."""
+    folder = Path(str(resources.files("dcmg") / "studies"))
+    return {path.stem: path for path in sorted(folder.glob("*.yaml"))}
+
+
+Name = Annotated[
+    str | None, typer.Argument(help="name of a shipped study (see `--list`) or path of a YAML file", show_default=False)
+]
+Out = Annotated[
+    Path | None, typer.Option(help="folder to write to, and to go on in; default: out/study-NAME", show_default=False)
+]
+Seeds = Annotated[int | None, typer.Option(min=1, help="how many seeds; default: the study's", show_default=False)]
+Workers = Annotated[int | None, typer.Option(min=1, help="processes; default: one a core", show_default=False)]
+Set = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="A.B=VALUE", help="change one key of the study; repeatable", show_default=False),
+]
+
+
+def study(
+    study: Name = None,
+    *,
+    list_: Annotated[bool, typer.Option("--list", help="list the shipped studies and end")] = False,
+    out: Out = None,
+    seeds: Seeds = None,
+    workers: Workers = None,
+    set_: Set = None,
+    json: Annotated[bool, typer.Option("--json", help="print the comparison as one JSON document")] = False,
+) -> None:
+    """Run seeds x attacks x observers x detectors offline, and compare them.
+
+    Writes table.parquet (one row for each run, link and operating point), comparison.csv, comparison.md, and ROC, delay
+    and impact curves. An interrupted study goes on where it was when the same command is given again. docs/studies.md
+    explains the keys of a study file.
+    """
+    from bags.study import cells_of, compare, load_study, operating_points  # noqa: PLC0415 (pyarrow takes its time)
+    from bags.study.figures import write_results  # noqa: PLC0415 (idem)
+
+    if list_ or study is None:
+        _list()
+        return
+    path = _study_path(study)
+    overrides = [*(set_ or []), *([] if seeds is None else [f"seeds={seeds}"])]
+    loaded = load_study(path, overrides)
+
+    def find(name: str) -> Path:
+        beside = path.parent / name
+        return beside if beside.is_file() else scenario_path(name)
+
+    cells = cells_of(loaded, str(path), find)
+    folder = out or Path("out") / f"study-{loaded.name}"
+    table = _run(cells, folder, workers or os.cpu_count() or 1, quiet=json)
+    points = operating_points(table)
+    comparisons = compare(points, loaded.false_alarm_limit)
+    paths = [folder / "table.parquet", *write_results(points, comparisons, loaded.false_alarm_limit, folder)]
+    if json:
+        best = [
+            {"condition": one.condition, "attack": one.attack, "best": one.best and one.best.row()}
+            for one in comparisons
+        ]
+        typer.echo(json_module.dumps({"study": loaded.name, "comparison": best, "files": [str(one) for one in paths]}))
+        return
+    _show(loaded.question, comparisons, loaded.false_alarm_limit)
+    for one in paths:
+        typer.echo(one)
+
+
+def _run(cells: Sequence[Cell], folder: Path, workers: int, *, quiet: bool) -> object:
+    from pyarrow import parquet  # noqa: PLC0415 (takes its time)
+
+    from bags.study import run_study  # noqa: PLC0415 (idem)
+
+    columns = (
+        TextColumn("{task.description}"),
+        BarColumn(),
+        MofNCompleteColumn(),
+        TimeElapsedColumn(),
+        TimeRemainingColumn(),
+    )
+    done = 0
+    with Progress(*columns, console=Console(stderr=True), disable=quiet) as bar:
+        task = bar.add_task("cells", total=len(cells))
+
+        def show(finished: int, total: int) -> None:
+            nonlocal done
+            done = finished
+            bar.update(task, completed=finished, total=total, refresh=True)
+
+        try:
+            path = run_study(cells, folder, workers, show)
+        except KeyboardInterrupt:
+            bar.stop()
+            typer.echo(
+                f"dcmg: interrupted; {done} of {len(cells)} cells are kept in {folder}: start again to go on", err=True
+            )
+            raise typer.Exit(_EXIT_INTERRUPTED) from None
+    return parquet.read_table(path)
+
+
+def _study_path(name_or_path: str) -> Path:
+    path = Path(name_or_path)
+    if path.is_file():
+        return path
+    shipped = shipped_studies()
+    if name_or_path in shipped:
+        return shipped[name_or_path]
+    raise CommandError(f"{name_or_path}: no such study; shipped are {', '.join(shipped)}; or give a path to a file")
+
+
+def _list() -> None:
+    from bags.study import load_study  # noqa: PLC0415 (pyarrow takes its time)
+
+    table = Table("study", "question", "runs")
+    for name, path in shipped_studies().items():
+        found = load_study(path)
+        runs = len(found.conditions) * (len(found.attacks) + 1) * found.seeds
+        table.add_row(name, found.question, str(runs))
+    Console().print(table)
+
+
+def _show(question: str, comparisons: Sequence[Comparison], limit: float) -> None:
+    from bags.study.figures import COLUMNS, cells  # noqa: PLC0415 (matplotlib takes its time)
+
+    table = Table(*COLUMNS, title=question)
+    for one in comparisons:
+        table.add_row(*cells(one))
+    Console(width=None if sys.stdout.isatty() else _PIPED_WIDTH).print(table)
+    typer.echo(f"best: most runs detected, then the shortest delay, with at most {limit:g} false alarms per sample")

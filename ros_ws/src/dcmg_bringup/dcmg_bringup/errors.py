@@ -1,5 +1,0 @@
-"""Errors of the command line: each becomes one line on standard error and a non-zero exit code."""
-
-
-class BringupError(Exception):
-    """Base of the errors that end a command with one clear line."""
