@@ -9,8 +9,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import solve_discrete_lyapunov
 from scipy.optimize import minimize_scalar
+
+from monitor.sight import accumulated
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -29,13 +30,17 @@ class ErrorResponse:
 
     Attributes:
         G: (length, rows of H, q).
+        ended: what is left of it is rounding.
     """
 
     G: NDArray[np.float64]
+    ended: bool = True
 
     @property
     def guaranteed(self) -> float:
-        """sum_l |G_l|: |H e| never exceeds it times sup |w| in the limit."""
+        """sum_l |G_l|: |H e| never exceeds it times sup |w| in the limit; infinite when the response did not end."""
+        if not self.ended:
+            return float("inf")
         return float(np.sum(np.linalg.norm(self.G, 2, axis=(1, 2)))) if self.G.size else 0.0
 
     def worst(self, start: NDArray[np.float64]) -> tuple[float, NDArray[np.float64]]:
@@ -68,24 +73,26 @@ def respond(model: Model, window: Window, L: NDArray[np.float64], H: NDArray[np.
     q, delay = model.B.shape[1], window.delay
     Q = model.A - L @ window.Theta
     N = np.split(L @ window.Gamma - window.Phi, delay + 1, axis=1)
-    state, terms, total = np.zeros((len(Q), q)), [], 0.0
+    state, terms, total, ended = np.zeros((len(Q), q)), [], 0.0, False
     for lag in range(_LONGEST):
         state = Q @ state + (N[delay - lag] if lag <= delay else 0.0)
         terms.append(H @ state)
         total += float(np.linalg.norm(state, 2)) if q else 0.0
-        if lag > delay and np.linalg.norm(state) <= _NEGLIGIBLE * total:
+        ended = lag > delay and bool(np.linalg.norm(state) <= _NEGLIGIBLE * total)
+        if ended:
             break
-    return ErrorResponse(G=np.array(terms))
+    return ErrorResponse(G=np.array(terms), ended=ended)
 
 
 def respond_input(model: Model, window: Window, L: NDArray[np.float64]) -> ErrorResponse:
     """Response of w^_k - w_k = G^+ [e_k+1 - A e_k; -C e_k] to w, from that of e."""
-    states = respond(model, window, L, np.eye(len(model.A))).G
+    found = respond(model, window, L, np.eye(len(model.A)))
+    states = found.G
     inverse = np.linalg.pinv(model.G)
     to_next, to_now = inverse[:, : len(model.A)], -inverse @ np.vstack([model.A, model.C])
     earlier = np.concatenate([np.zeros_like(states[:1]), states])
     later = np.concatenate([states, np.zeros_like(states[:1])])
-    return ErrorResponse(G=to_next @ later + to_now @ earlier)
+    return ErrorResponse(G=to_next @ later + to_now @ earlier, ended=found.ended)
 
 
 def certify(model: Model, window: Window, L: NDArray[np.float64], H: NDArray[np.float64]) -> tuple[float, float]:
@@ -100,7 +107,7 @@ def certify(model: Model, window: Window, L: NDArray[np.float64], H: NDArray[np.
         return 0.0, 0.5
 
     def mu(a: float) -> float:
-        X = solve_discrete_lyapunov(Q / np.sqrt(1.0 - a), N @ N.T / a)
+        X = accumulated(Q / np.sqrt(1.0 - a), N @ N.T / a)
         return float(np.linalg.eigvalsh(H @ X @ H.T)[-1])
 
     ceiling = (1.0 - radius**2) * (1.0 - 1e-9)

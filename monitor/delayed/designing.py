@@ -91,7 +91,7 @@ def design_for(
     dynamics = measure_dynamics(model.A - L @ window.Theta, "dual_lqr" if exact else "lmi", 0.0, sampling_period_sec)
     if dynamics.spectral_radius >= _SCHUR:
         return refuse(kind, f"no stable gain is found: spectral radius {dynamics.spectral_radius:.4g}", data)
-    R = residual_rows(window, len(model.C), exact=exact)
+    R = residual_rows(window, len(model.C), decoupling.N if exact else None)
     observer = realise(model, window, L, R)
     residual = measure_residual(observer, np.full(len(model.C), options.threshold))
     guarantee = _guarantee(model, window, L, H, exact=exact)
@@ -139,13 +139,15 @@ def _gain(
 ) -> tuple[NDArray[np.float64] | None, str]:
     """The gain that the goal asks for, or why there is none."""
     if goal is Goal.EXACT or (goal is Goal.BEST and decoupling.L is not None):
-        return decoupling.L, f"no exact decoupling with delay {window.delay}: {decoupling.reason}"
+        return decoupling.L, f"no exact decoupling with delay {window.delay}, {decoupling.reason}"
     hidden = unobservable(model.A, model.C)
     modes = np.linalg.eigvals(hidden.T @ model.A @ hidden) if hidden.size else np.zeros(0)
     if np.max(np.abs(modes), initial=0.0) >= _SCHUR:
         return None, f"(A, C) is not detectable: a mode of modulus {np.max(np.abs(modes)):.4g} shows in no output"
     found = optimise(model, window, H)
-    return (None, "the solver finds no point of C's LMI for any a") if found is None else (found.L, "")
+    if found is None:
+        return None, "C's LMI has no point for any a that double precision finds: a mode is all but undetectable"
+    return found.L, ""
 
 
 def _guarantee(

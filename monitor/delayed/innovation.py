@@ -22,27 +22,27 @@ if TYPE_CHECKING:
 
     from monitor.delayed.model import Model, Window
 
-_RANK = 1e-9  # relative: singular values of Gamma below it are zero, as for exact decoupling
 _SEEN = 1e-6  # a row of the null space whose part on the newest sample is smaller does not look at it
 
 
-def residual_rows(window: Window, outputs: int, *, exact: bool) -> NDArray[np.float64]:
-    """R (p, (delta + 1) p)."""
+def residual_rows(window: Window, outputs: int, null: NDArray[np.float64] | None) -> NDArray[np.float64]:
+    """R (p, (delta + 1) p); `null` are the rows N of the left null space when the gain is exact, None when it is not."""
     newest = np.eye(outputs, len(window.Gamma), k=len(window.Gamma) - outputs)
-    if not exact:
+    if null is None:
         return newest
-    left, values, _ = np.linalg.svd(window.Gamma)
-    N = left[:, int(np.count_nonzero(values > _RANK * np.max(values, initial=_RANK))) :].T
-    looking, sizes, F = np.linalg.svd(N @ newest.T, full_matrices=False)
+    looking, sizes, F = np.linalg.svd(null @ newest.T, full_matrices=False)
     kept = sizes > _SEEN
-    return np.asarray(F[kept].T @ ((looking[:, kept] / sizes[kept]).T @ N))
+    return np.asarray(F[kept].T @ ((looking[:, kept] / sizes[kept]).T @ null))
 
 
 def moved_by_inputs(
     model: Model, window: Window, L: NDArray[np.float64], R: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """Largest |r_i| / sup |w| in the limit without any attack, (p,): sum_l |row i of the response to w_t-l|."""
-    through_error = -R @ window.Theta @ respond(model, window, L, np.eye(len(model.A))).G  # from w_t-1, w_t-2, …
+    errors = respond(model, window, L, np.eye(len(model.A)))
+    if not errors.ended:
+        return np.full(len(R), np.inf)
+    through_error = -R @ window.Theta @ errors.G  # from w_t-1, w_t-2, …
     direct = np.stack(np.split(R @ window.Gamma, window.delay + 1, axis=1)[::-1])  # from w_t, w_t-1, … w_t-delta
     response = np.zeros((max(len(through_error) + 1, len(direct)), len(R), model.B.shape[1]))
     response[1 : len(through_error) + 1] += through_error

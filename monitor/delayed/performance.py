@@ -3,31 +3,35 @@
 For fixed a in (0, 1) find P > 0, Y = P L and mu >= 0 with
 [(1-a) P, 0, (P A - Y Theta)'; 0, a I, (Y Gamma - P Phi)'; *, *, P] >= 0 and [P, H'; H, mu I] >= 0, mu minimal.
 Then e' P e <= sup |W|^2 in the limit, so limsup |H e| <= sqrt(mu) sup |W_k:k+delta| <= sqrt(mu (delta + 1)) sup |w|.
+
+No semidefinite programme is needed (ours). By Schur complements the first inequality reads, with X = P^-1,
+X >= (A - L Theta) X (A - L Theta)' / (1 - a) + (L Gamma - Phi) (L Gamma - Phi)' / a,
+and the gain of the filter for x+ = A x / sqrt(1 - a) + Phi v / sqrt(a), y = Theta x / sqrt(1 - a) + Gamma v / sqrt(a)
+has the smallest such X of all gains, in every direction at once: it minimises mu = lambda_max(H X H') whatever H is.
+A Riccati equation is solved to rounding, where an interior-point method ends somewhere near its optimum, and elsewhere
+on another processor. tests/monitor/delayed holds it against the programme.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
-from warnings import catch_warnings, simplefilter
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from monitor.delayed.model import window_of
+from monitor.riccati import filter_gain
+from monitor.sight import accumulated
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from monitor.delayed.model import Model, Window
 
-_GRID = (0.1, 0.3, 0.5, 0.7, 0.9)
-_STEP = 0.2  # of the grid
-_SMALLEST = 0.01
-_LARGEST = 0.99  # a -> 1 asks for a deadbeat error, where P grows without bound
-_REFINEMENTS = 7  # golden-section steps: a to about 0.01, where mu is flat
+_GRID = range(50, 1000, 100)  # thousandths of a
+_SMALLEST, _LARGEST = 10, 990  # a -> 1 asks for a deadbeat error
 _RANK = 1e-9  # relative: a state that is pushed less is not pushed
-_GOLDEN = (np.sqrt(5.0) - 1.0) / 2.0
+_NOISE = 1e-4  # on states and outputs, of what unknown inputs do there: keeps the equation well posed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -36,8 +40,8 @@ class Performance:
 
     Attributes:
         L: (n, (delta + 1) p).
-        mu: minimal mu at the best a, as the solver reports it.
-        a: where the line search ended.
+        mu: minimal mu at this a.
+        a: where the line search ended, in whole thousandths: mu is flat there, and every machine ends at the same.
     """
 
     L: NDArray[np.float64]
@@ -47,81 +51,49 @@ class Performance:
 
 def optimise(model: Model, window: Window, H: NDArray[np.float64]) -> Performance | None:
     """Search a for the smallest mu; None when the LMI is infeasible everywhere: the plant is not detectable."""
-    problem = _Problem(model, window, H)
-    found = [one for one in (problem.solve(a) for a in _GRID) if one is not None]
-    if not found:
-        return None
-    best = min(found, key=lambda one: one.mu)
-    low, high = max(best.a - _STEP, _SMALLEST), min(best.a + _STEP, _LARGEST)
-    probes = [high - _GOLDEN * (high - low), low + _GOLDEN * (high - low)]
-    tried = [problem.solve(a) for a in probes]
-    for _ in range(_REFINEMENTS):
-        best = min([best, *(one for one in tried if one)], key=lambda one: one.mu)
-        left, right = (np.inf if one is None else one.mu for one in tried)
-        if left <= right:
-            high, probes = probes[1], [probes[1] - _GOLDEN * (probes[1] - low), probes[0]]
-            tried = [problem.solve(probes[0]), tried[0]]
-        else:
-            low, probes = probes[0], [probes[1], probes[0] + _GOLDEN * (high - probes[0])]
-            tried = [tried[1], problem.solve(probes[1])]
-    return best
+    tried: dict[int, Performance | None] = {}
+
+    def at(thousandths: int) -> float:
+        if thousandths not in tried:
+            tried[thousandths] = solve_lmi(model, window, H, thousandths / 1000.0)
+        found = tried[thousandths]
+        return np.inf if found is None else found.mu
+
+    best = min(_GRID, key=at)
+    step = _GRID.step
+    while step > 1:
+        step = max(step // 3, 1)
+        near = (best, best - step, best - 2 * step, best + step, best + 2 * step)
+        best = min((one for one in near if _SMALLEST <= one <= _LARGEST), key=at)
+    return tried[best]
 
 
 def solve_lmi(model: Model, window: Window, H: NDArray[np.float64], a: float) -> Performance | None:
     """Solve the LMI for one a; None when it is infeasible there."""
-    return _Problem(model, window, H).solve(a)
+    scale = _reached(model, window.delay)
+    scaled = _scaled(model, scale)
+    sizes = np.linalg.norm(np.hstack([scaled.C, scaled.D]), axis=1)
+    outputs = np.tile(np.where(sizes > 0.0, sizes, 1.0), window.delay + 1)[:, None]
+    inner = window_of(scaled, window.delay)
+    n, rows, kept, pushed = len(scale), len(outputs), np.sqrt(1.0 - a), np.sqrt(a)
+    W = np.hstack([inner.Phi / pushed, _NOISE * np.eye(n), np.zeros((n, rows))])
+    V = np.hstack([inner.Gamma / outputs / pushed, np.zeros((rows, n)), _NOISE * np.eye(rows)])
+    gain = filter_gain(scaled.A / kept, inner.Theta / outputs / kept, W, V)
+    if gain is None:
+        return None
+    L = np.asarray(scale[:, None] * gain / outputs.T)
+    X = scale[:, None] * _spread(scaled, inner, gain / outputs.T, a) * scale
+    return Performance(L=L, mu=float(max(np.linalg.eigvalsh(H @ X @ H.T)[-1], 0.0)), a=a)
 
 
-class _Problem:
-    """The LMI compiled once, with a as a parameter."""
-
-    def __init__(self, model: Model, window: Window, H: NDArray[np.float64]) -> None:
-        """Build the constraints."""
-        cp: Any = import_module("cvxpy")  # takes a second, which nodes that solve no LMI must not pay
-        scale, size = _reached(model, window.delay), float(np.linalg.norm(H, 2))
-        self._scale, self._size = scale, size
-        model, H = _scaled(model, scale), H * scale / size
-        window = window_of(model, window.delay)
-        n, q = len(model.A), window.Gamma.shape[1]
-        self._cp = cp
-        self._a = cp.Parameter(nonneg=True)
-        self._P = cp.Variable((n, n), symmetric=True)
-        self._Y = cp.Variable((n, len(window.Theta)))
-        self._mu = cp.Variable()
-        moved = self._P @ model.A - self._Y @ window.Theta
-        pushed = self._Y @ window.Gamma - self._P @ window.Phi
-        zero = np.zeros((n, q))
-        invariant = cp.bmat(
-            [
-                [(1.0 - self._a) * self._P, zero, moved.T],
-                [zero.T, self._a * np.eye(q), pushed.T],
-                [moved, pushed, self._P],
-            ]
-        )
-        seen = cp.bmat([[self._P, H.T], [H, self._mu * np.eye(len(H))]])
-        self._problem = cp.Problem(cp.Minimize(self._mu), [invariant >> 0, seen >> 0])
-
-    def solve(self, a: float) -> Performance | None:
-        """Solve for one a; None when the solver finds no point."""
-        self._a.value = a
-        with catch_warnings():
-            simplefilter("ignore")  # what the gain is worth is measured afterwards, not read from the status
-            try:
-                self._problem.solve(solver=self._cp.CLARABEL)
-            except self._cp.SolverError:
-                return None
-        if self._problem.status not in {self._cp.OPTIMAL, self._cp.OPTIMAL_INACCURATE}:
-            return None
-        try:
-            L = np.linalg.solve(self._P.value, self._Y.value)
-        except np.linalg.LinAlgError:
-            return None
-        mu = self._size**2 * float(max(self._mu.value, 0.0))
-        return Performance(L=np.asarray(self._scale[:, None] * L, dtype=np.float64), mu=mu, a=a)
+def _spread(model: Model, window: Window, L: NDArray[np.float64], a: float) -> NDArray[np.float64]:
+    """X = Q X Q' / (1 - a) + N N' / a, the smallest X that the LMI allows for this gain."""
+    Q, N = model.A - L @ window.Theta, L @ window.Gamma - window.Phi
+    return accumulated(Q / np.sqrt(1.0 - a), N @ N.T / a)
 
 
 def _reached(model: Model, delay: int) -> NDArray[np.float64]:
-    """How far unknown inputs of norm 1 push every state within the window: the solver needs states of like size."""
+    """How far unknown inputs of norm 1 push every state within the window: the filter needs states of like size."""
     pushed, power = [], model.B
     for _ in range(len(model.A) + delay):
         pushed.append(power)

@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import solve_discrete_lyapunov
+
+from monitor.sight import accumulated
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -19,5 +20,5 @@ def noise_gain(observer: LinearObserver) -> NDArray[np.float64]:
     With S = A S A' + B_y B_y', the covariance is M S M' + D_y D_y'.
     """
     B_y, D_y = observer.B[:, observer.inputs :], observer.D[:, observer.inputs :]
-    spread = solve_discrete_lyapunov(observer.A, B_y @ B_y.T)
+    spread = accumulated(observer.A, B_y @ B_y.T)
     return np.asarray(D_y @ D_y.T + observer.M @ spread @ observer.M.T)
