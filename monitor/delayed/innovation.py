@@ -26,7 +26,7 @@ _SEEN = 1e-6  # a row of the null space whose part on the newest sample is small
 
 
 def residual_rows(window: Window, outputs: int, null: NDArray[np.float64] | None) -> NDArray[np.float64]:
-    """R (p, (delta + 1) p); `null` are the rows N of the left null space when the gain is exact, None when it is not."""
+    """R (p, (delta + 1) p); `null`: rows N of the left null space for an exact gain, None for another."""
     newest = np.eye(outputs, len(window.Gamma), k=len(window.Gamma) - outputs)
     if null is None:
         return newest

@@ -34,7 +34,7 @@ def test_the_dual_lqr_is_that_of_the_library(seed: int) -> None:
 
 
 def test_no_gain_makes_the_error_smaller_in_any_direction() -> None:
-    """With correlated noises: the covariance of random gains lies above that of the filter, eigenvalue by eigenvalue."""
+    """Correlated noises: the covariance of random gains lies above that of the filter, eigenvalue by eigenvalue."""
     generator = np.random.default_rng(1)
     A, C = 0.5 * generator.standard_normal((4, 4)), generator.standard_normal((2, 4))
     W, V = generator.standard_normal((4, 5)), generator.standard_normal((2, 5))
