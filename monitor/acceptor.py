@@ -50,6 +50,7 @@ class Acceptors:
         regression: what is solved.
         W0: (k, s) the solution of least norm.
         N: (f, s) orthonormal rows that span the left null space of S; Q (k, f) is free.
+        rank: of S.
         margin: smallest singular value of S relative to its largest on the target's behaviour; the kernel condition
             ker S in ker target holds exactly when it is not zero.
     """
@@ -57,6 +58,7 @@ class Acceptors:
     regression: Regression
     W0: NDArray[np.float64]
     N: NDArray[np.float64]
+    rank: int
     margin: float
 
     @property
@@ -83,14 +85,20 @@ def solve(regression: Regression, tolerance: float) -> Acceptors | None:
 
     A direction of S below the tolerance, relative to its largest singular value, carries only rounding or noise.
     """
-    S, target = regression.S, regression.target
-    left, values, right = np.linalg.svd(S, full_matrices=True)
+    values, right = np.linalg.svd(regression.S, full_matrices=True)[1:]
     rank = int(np.count_nonzero(values > tolerance * values[0]))
     kernel = right[rank:].T
-    if kernel.size and np.linalg.norm(target @ kernel, 2) > tolerance * values[0]:
+    if kernel.size and np.linalg.norm(regression.target @ kernel, 2) > tolerance * values[0]:
         return None
-    W0 = (target @ right[:rank].T / values[:rank]) @ left[:, :rank].T
-    return Acceptors(regression=regression, W0=W0, N=left[:, rank:].T, margin=float(values[rank - 1] / values[0]))
+    return solve_of_rank(regression, rank)
+
+
+def solve_of_rank(regression: Regression, rank: int) -> Acceptors:
+    """Solve W S = target for all W where the rank of S is decided and ker S is in ker target."""
+    left, values, right = np.linalg.svd(regression.S, full_matrices=True)
+    W0 = (regression.target @ right[:rank].T / values[:rank]) @ left[:, :rank].T
+    margin = float(values[rank - 1] / values[0])
+    return Acceptors(regression=regression, W0=W0, N=left[:, rank:].T, rank=rank, margin=margin)
 
 
 def unstable_fixed_modes(acceptors: Acceptors, limit: float) -> NDArray[np.complex128]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -42,6 +42,14 @@ class Behaviour:
     def stacked(self) -> NDArray[np.float64]:
         """[U_p; Y_p; X_p; U_f; Y_f] of T (13) on the trajectories of the basis."""
         return np.vstack([self.L_u, self.C @ self.L_x, self.L_x, self.L_uf, self.C @ self.L_xf])
+
+    def in_units(self, u: NDArray[np.float64], y: NDArray[np.float64], x: NDArray[np.float64]) -> Behaviour:
+        """The same behaviour with every signal multiplied by its factor; the basis stays orthonormal."""
+        blocks = (u[:, None] * self.L_u, x[:, None] * self.L_x, u[:, None] * self.L_uf, x[:, None] * self.L_xf)
+        basis, _ = np.linalg.qr(np.vstack(blocks))
+        L_u, L_x, L_uf, L_xf = np.split(basis, np.cumsum([len(block) for block in blocks[:-1]]))
+        C = y[:, None] * self.C / x
+        return replace(self, L_u=L_u, L_x=L_x, L_uf=L_uf, L_xf=L_xf, C=C)
 
 
 def identify_output(data: DataMatrices) -> NDArray[np.float64]:

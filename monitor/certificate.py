@@ -12,6 +12,8 @@ import numpy as np
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
+    from monitor.proof import Proof
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DataReport:
@@ -32,7 +34,7 @@ class DataReport:
         rank_reason: one line.
         exciting: T's assumption 6 as far as data can tell: [U_p; X_p; U_f] has full row rank and m_d is decided.
         excitation: singular values of [U_p; X_p; U_f] per sample, rows scaled to unit root mean square.
-        innovation_values: singular values of what is left of X_f, per sample, units of x.
+        innovation_values: singular values of what is left of X_f, per sample, in shares of the states' spread.
         singular_values: of the regressors [U_p; Y_p; X_p; U_f; Y_f] of T (13).
     """
 
@@ -169,6 +171,7 @@ class Certificate:
         data: what the history showed.
         dynamics: how the error behaves.
         residual: what the residual sees.
+        proof: how the design did on samples that it had not seen.
         matrices: the observer's matrices by their symbols, rows of numbers.
         lag: steps by which the estimate lags the newest sample: at step k it is of x_k-lag.
         guarantee: bounds on the error under bounded unknown inputs, for methods that give some.
@@ -181,6 +184,7 @@ class Certificate:
     data: DataReport | None = None
     dynamics: DynamicsReport | None = None
     residual: ResidualReport | None = None
+    proof: Proof | None = None
     matrices: dict[str, NDArray[np.float64]] | None = None
     lag: int = 0
     guarantee: Guarantee | None = None

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
 _TABLES = ("u", "y", "x", "d", "w")
 _PERIOD_TOLERANCE = 1e-9  # relative: sampling periods that differ by rounding only are the same
+_STILL = 1e-13  # relative: a signal that moves by less than its rounding does not move
 
 
 def _not_recorded() -> NDArray[np.float64]:
@@ -67,10 +68,13 @@ class History:
     Attributes:
         experiments: at least one, with the same numbers of columns.
         sampling_period_sec: T_s [s].
+        comparable: the units are comparable as they are (V, A, V s of a DGU): least norms and unknown noise are
+            measured in them; else in the spread of each signal, so that units do not matter.
     """
 
     experiments: tuple[Experiment, ...]
     sampling_period_sec: float
+    comparable: bool = False
 
     def __post_init__(self) -> None:
         """Raise HistoryError when the experiments do not belong together."""
@@ -127,7 +131,7 @@ def sent_outputs(history: History) -> tuple[History, tuple[int, ...]]:
     if not never.any():
         return history, channels
     kept = (replace(experiment, y=experiment.y[:, channels]) for experiment in history.experiments)
-    return History(tuple(kept), history.sampling_period_sec), channels
+    return replace(history, experiments=tuple(kept)), channels
 
 
 def single(u: ArrayLike, y: ArrayLike, x: ArrayLike, sampling_period_sec: float) -> History:
@@ -166,6 +170,11 @@ class DataMatrices:
     def columns(self) -> int:
         """Number N of columns."""
         return int(self.X_p.shape[1])
+
+    def in_units(self, u: NDArray[np.float64], y: NDArray[np.float64], x: NDArray[np.float64]) -> DataMatrices:
+        """The same data with every signal multiplied by its factor, (m,), (p,), (n,)."""
+        factors = {"U_p": u, "Y_p": y, "X_p": x, "U_f": u, "Y_f": y, "X_f": x}
+        return replace(self, **{name: factor[:, None] * getattr(self, name) for name, factor in factors.items()})
 
 
 def data_matrices(history: History) -> DataMatrices:
@@ -220,6 +229,6 @@ def _check_length(columns: int, dropped: int, n: int, m: int) -> None:
 def _check_motion(samples: NDArray[np.float64], m: int, p: int) -> None:
     """Refuse a signal that never changes: nothing can be learned about how it acts."""
     for row, signal in enumerate(samples):
-        if np.ptp(signal) == 0.0:
+        if np.max(signal) - np.min(signal) <= _STILL * np.max(np.abs(signal)):
             name = f"u[{row}]" if row < m else f"y[{row - m}]" if row < m + p else f"x[{row - m - p}]"
             raise HistoryError(f"{name} is constant at {signal[0]:g} in the whole history: excite it, or leave it out")

@@ -71,27 +71,46 @@ def accumulated(A: NDArray[np.float64], Q: NDArray[np.float64]) -> NDArray[np.fl
     return total
 
 
-def measure_residual(observer: LinearObserver, threshold: NDArray[np.float64]) -> ResidualReport:
-    """Report what the residual of a Schur observer shows of phi."""
+def measure_residual(
+    observer: LinearObserver, threshold: NDArray[np.float64], scale: NDArray[np.float64] | None = None
+) -> ResidualReport:
+    """Report what the residual of a Schur observer shows of phi.
+
+    Args:
+        observer: Schur; in scaled units when a scale is given.
+        threshold: (p,) user's units.
+        scale: (p,) of the outputs. Decisions are made in scaled units, the report is in the user's.
+    """
     p = observer.outputs
+    scale = np.ones(p) if scale is None else scale
     A, H = observer.A, observer.H
     B, J = observer.B[:, observer.inputs :], observer.J[:, observer.inputs :]
     dc_gain = J + H @ np.linalg.solve(np.eye(len(A)) - A, B)
     peak_gain = _peak_of_step(A, B, H, J, dc_gain)
     blind = bool(np.max(peak_gain, initial=0.0) < _BLIND)
     rank = 0 if blind else _normal_rank(A, B, H, J)
+    hidden = np.eye(p) if blind else np.linalg.qr(scale[:, None] * null_space(dc_gain, rcond=_INVISIBLE))[0]
     return ResidualReport(
         blind=blind,
         residual_rank=rank,
         stealthy_inputs=p - rank,
-        dc_gain=dc_gain,
-        invisible_bias=np.eye(p) if blind else null_space(dc_gain, rcond=_INVISIBLE),
-        peak_gain=peak_gain,
+        dc_gain=scale[:, None] * dc_gain / scale,
+        invisible_bias=hidden,
+        peak_gain=scale[:, None] * peak_gain / scale,
         threshold=threshold,
-        smallest_bias=smallest_crossing(peak_gain, threshold),
-        smallest_steady_bias=smallest_crossing(dc_gain, threshold),
-        noise_gain=J @ J.T + H @ accumulated(A, B @ B.T) @ H.T,
+        smallest_bias=scale * smallest_crossing(peak_gain, threshold / scale),
+        smallest_steady_bias=scale * smallest_crossing(dc_gain, threshold / scale),
+        noise_gain=np.outer(scale, scale) * noise_covariance(observer, np.diag(scale**-2.0))[-p:, -p:],
     )
+
+
+def noise_covariance(observer: LinearObserver, covariance: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Covariance (n + p, n + p) of (xhat, r) when white noise of this covariance (p, p) is on y."""
+    m = observer.inputs
+    B, through = observer.B[:, m:], np.vstack([observer.D[:, m:], observer.J[:, m:]])
+    out = np.vstack([observer.M, observer.H])
+    spread = accumulated(observer.A, B @ covariance @ B.T)
+    return np.asarray(through @ covariance @ through.T + out @ spread @ out.T)
 
 
 def _peak_of_step(

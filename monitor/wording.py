@@ -10,14 +10,16 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from monitor.certificate import Certificate, DataReport, DynamicsReport, Guarantee, ResidualReport
+    from monitor.proof import Proof
 
 
-def accepted(data: DataReport, dynamics: DynamicsReport, residual: ResidualReport) -> str:
+def accepted(data: DataReport, dynamics: DynamicsReport, residual: ResidualReport, proof: Proof) -> str:
     """Verdict on an accepted design, one line."""
     speed = f"errors shrink to 1 % in {dynamics.convergence_steps} steps (radius {dynamics.spectral_radius:.3g})"
     if residual.blind:
-        return f"accepted for its estimate only, BLIND to every falsification; {speed}"
-    return f"accepted: {data.unknown_inputs} unknown inputs ({data.rank_basis}); {speed}; {sees(residual)}"
+        return f"accepted for its estimate only, BLIND to every falsification; {speed}; {proof.words()}"
+    inputs = f"{data.unknown_inputs} unknown inputs ({data.rank_basis})"
+    return f"accepted: {inputs}; {speed}; {sees(residual)}; {proof.words()}"
 
 
 def sees(residual: ResidualReport) -> str:
@@ -48,6 +50,8 @@ def describe(certificate: Certificate) -> list[str]:
         lines += _data_lines(certificate.data)
     if certificate.dynamics is not None:
         lines += _dynamics_lines(certificate.dynamics)
+    if certificate.proof is not None:
+        lines += certificate.proof.lines()
     if certificate.lag:
         lines.append(f"lag: at step k the estimate is of step k - {certificate.lag}")
     if certificate.guarantee is not None:

@@ -43,7 +43,7 @@ def history_of(records: Sequence[HistoryRecord]) -> History:
     experiments = (
         Experiment(record.u, record.y, record.x, record.sampling_period_sec, record.d, record.w) for record in ordered
     )
-    return History(tuple(experiments), ordered[0].sampling_period_sec if ordered else math.nan)
+    return History(tuple(experiments), ordered[0].sampling_period_sec if ordered else math.nan, comparable=True)
 
 
 def design_record(design: Design, source: int, monitor: int) -> DesignRecord:

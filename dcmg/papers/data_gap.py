@@ -188,7 +188,7 @@ def _simulated(
         rows.append(A @ rows[-1] + E @ one)
     x = np.array(rows) + std * generator.standard_normal((len(d), len(A)))
     applied = d + std * generator.standard_normal(d.shape)
-    return History((Experiment(np.empty((len(d), 0)), x[:, :outputs], x, T_S, applied),), T_S)
+    return History((Experiment(np.empty((len(d), 0)), x[:, :outputs], x, T_S, applied),), T_S, comparable=True)
 
 
 def _from_states(history: History, generator: np.random.Generator) -> History:

@@ -191,7 +191,7 @@ def _history(
         rows.append(A @ rows[-1] + E @ sample)
     x = np.array(rows)
     noisy = [x + noise_std * generator.standard_normal(x.shape) for _ in range(repeats)]
-    return History(tuple(Experiment(np.zeros((samples, 0)), one, one) for one in noisy), T_S)
+    return History(tuple(Experiment(np.zeros((samples, 0)), one, one) for one in noisy), T_S, comparable=True)
 
 
 def _designed(history: History, unknown_inputs: int, method: str) -> LinearObserver | None:

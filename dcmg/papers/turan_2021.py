@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -140,7 +140,7 @@ def _designed(A: NDArray[np.float64], E: NDArray[np.float64], generator: np.rand
     start = generator.uniform(-1.0, 1.0, 3)
     inputs = np.array([11.0, 50.0]) + generator.uniform(-1.0, 1.0, (HISTORY_SAMPLES, 2))
     x = _trajectory(A, E, start, inputs)
-    return design_observer("full_order", single(np.zeros((len(x), 0)), x, x, T_S), {})
+    return design_observer("full_order", replace(single(np.zeros((len(x), 0)), x, x, T_S), comparable=True), {})
 
 
 def _observed(

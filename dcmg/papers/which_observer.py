@@ -215,7 +215,9 @@ def _history(method: Method, x: NDArray[np.float64], d: NDArray[np.float64]) -> 
     """The record; outputs that are not sent are left out, and so is what the method does not need."""
     states = x if "x" in method.record else np.empty((len(x), 0))
     applied = d if "d" in method.record else np.empty((len(x), 0))
-    return History((Experiment(np.empty((len(x), 0)), x[:, : method.outputs], states, T_S, applied),), T_S)
+    return History(
+        (Experiment(np.empty((len(x), 0)), x[:, : method.outputs], states, T_S, applied),), T_S, comparable=True
+    )
 
 
 def _fewest(method: Method, x: NDArray[np.float64], d: NDArray[np.float64]) -> int:

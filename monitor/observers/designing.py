@@ -9,15 +9,18 @@ import numpy as np
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
-from monitor.acceptor import regress, solve, unstable_fixed_modes
+from monitor.acceptor import regress, solve, solve_of_rank, unstable_fixed_modes
 from monitor.certificate import Certificate
 from monitor.data_report import report_data
 from monitor.errors import HistoryError
 from monitor.freedom import FreedomOptions, Problem, Refusal, Strategy, choose
 from monitor.history import data_matrices
 from monitor.observers.protocol import Design
+from monitor.observers.trials import try_observer
+from monitor.proof import Allowance, hold_back, noise, prove, rounding
 from monitor.rank import RankBasis, RankOptions, decide_rank
-from monitor.sight import measure_dynamics, measure_residual
+from monitor.scaling import norms, spreads
+from monitor.sight import measure_dynamics, measure_residual, noise_covariance
 from monitor.subspace import Method, averaged, span
 from monitor.wording import accepted, blind_reason
 
@@ -31,7 +34,9 @@ if TYPE_CHECKING:
     from monitor.certificate import DataReport
     from monitor.history import DataMatrices, History
     from monitor.observers.linear_observer import LinearObserver
+    from monitor.proof import Proof, Split
     from monitor.rank import RankDecision
+    from monitor.scaling import Scaling
 
 _SCHUR = 1.0 - 1e-9  # a spectral radius from here on is no decay
 _ROUNDING = 1e-9  # relative: below it a direction of the regressors carries rounding only
@@ -91,64 +96,130 @@ def design_uio(history: History, options: DesignOptions, shape: Shape) -> Design
     try:
         history = averaged(history) if options.repeated else history
         _check_lengths(history, options)
-        data = data_matrices(history)
-        decision = decide_rank(data, _rank_options(options))
-        report = report_data(history, data, decision)
-        draft = replace(draft, data=report)
+        split = hold_back(history)
+        units = _units_of(split.seen)
+        data = data_matrices(units.spread.scaled(split.seen))
+        decision = decide_rank(data, _rank_options(options, units))
+        draft = replace(draft, data=report_data(history, data, decision))
         if decision.unknown_inputs is None:
             return _refuse(draft, decision.reason)
         exact = decision.basis is RankBasis.EXACT  # all methods agree, the least costly one will do
         method = Method.TOTAL_LEAST_SQUARES if exact else options.method
-        behaviour = span(data, decision.unknown_inputs, method, _weights(options, history.states))
+        into = units.spread.relative_to(units.norm)
+        comparable = data.in_units(into.u, into.y, into.x)
+        behaviour = span(comparable, decision.unknown_inputs, method, _weights(options, units))
     except HistoryError as error:
         return _refuse(draft, str(error))
     selection = shape.selection(behaviour)
-    acceptors = solve(regress(behaviour, selection), _subspace_error(decision))
-    if acceptors is None:
-        return _refuse(
-            draft, "no unknown-input observer exists: ker S is not in ker X_f, T (13) fails (rank CE < rank E)"
-        )
-    fixed = unstable_fixed_modes(acceptors, _SCHUR)
-    if len(fixed):
-        listed = ", ".join(f"{mode:.4g}" for mode in fixed)
-        return _refuse(draft, f"no stable unknown-input observer exists: (A, E, C) has the unstable zeros {listed}")
+    acceptors = _solved(behaviour, selection, units, _subspace_error(decision))
+    if isinstance(acceptors, str):
+        return _refuse(draft, acceptors)
     problem = Problem(acceptors=acceptors, build=lambda W: shape.observer(behaviour, acceptors, W))
     freedom = FreedomOptions(decay=options.decay, poles=options.poles, noise_budget=options.noise_budget)
     W = choose(problem, options.strategy, freedom)
     if isinstance(W, Refusal):
         return _refuse(draft, W.reason)
-    misfit = _kernel_residual(data, selection, W)
-    return _checked(draft, report, options, _Solution(behaviour=behaviour, problem=problem, W=W, misfit=misfit))
+    solution = _Solution(
+        behaviour=behaviour,
+        acceptors=acceptors,
+        observer=problem.build(W),
+        W=W,
+        misfit=_kernel_residual(comparable, selection, W),
+        state=selection @ units.norm.x,
+        units=units,
+        split=split,
+        exact=exact,
+    )
+    return _checked(draft, options, solution)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Units:
+    """Two ways to scale the signals: decisions are made in shares of their spread, norms are taken in the other."""
+
+    spread: Scaling
+    norm: Scaling
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Solution:
-    """What came out of the choice."""
+    """What came out of the choice, in the units in which norms are taken; state (k,) is their size for z."""
 
     behaviour: Behaviour
-    problem: Problem
+    acceptors: Acceptors
+    observer: LinearObserver
     W: NDArray[np.float64]
     misfit: float
+    state: NDArray[np.float64]
+    units: _Units
+    split: Split
+    exact: bool
 
 
-def _checked(draft: Certificate, data: DataReport, options: DesignOptions, solution: _Solution) -> Design:
-    """Measure the observer; refuse what is not stable or sees nothing."""
-    observer = solution.problem.build(solution.W)
-    A_UIO = solution.W[:, solution.problem.acceptors.regression.state_columns]
+def _units_of(history: History) -> _Units:
+    spread = spreads(history)
+    return _Units(spread=spread, norm=norms(history, spread))
+
+
+def _solved(behaviour: Behaviour, selection: NDArray[np.float64], units: _Units, tolerance: float) -> Acceptors | str:
+    """All solutions, or why there is no stable one: decided in shares of the spread."""
+    back = units.norm.relative_to(units.spread)
+    decided = solve(regress(behaviour.in_units(back.u, back.y, back.x), selection), tolerance)
+    if decided is None:
+        return "no unknown-input observer exists: ker S is not in ker X_f, T (13) fails (rank CE < rank E)"
+    fixed = unstable_fixed_modes(decided, _SCHUR)
+    if len(fixed):
+        listed = ", ".join(f"{mode:.4g}" for mode in fixed)
+        return f"no stable unknown-input observer exists: (A, E, C) has the unstable zeros {listed}"
+    return solve_of_rank(regress(behaviour, selection), decided.rank)
+
+
+def _checked(draft: Certificate, options: DesignOptions, solution: _Solution) -> Design:
+    """Measure the observer; refuse what is not stable, sees nothing or does not hold on unseen samples."""
+    observer, units, data = solution.observer, solution.units, draft.data
+    assert data is not None  # noqa: S101 - there is no solution without data
+    A_UIO = solution.W[:, solution.acceptors.regression.state_columns]
     dynamics = measure_dynamics(A_UIO, options.strategy.value, solution.misfit, data.sampling_period_sec)
-    matrices = {"C": solution.behaviour.C, **observer.matrices()}
-    draft = replace(draft, dynamics=dynamics, matrices=matrices)
+    state = np.concatenate([solution.state, np.ones(observer.order - len(solution.state))])
+    final = units.norm.observer(observer, state)
+    C = units.norm.y[:, None] * solution.behaviour.C / units.norm.x
+    draft = replace(draft, dynamics=dynamics, matrices={"C": C, **final.matrices()})
     if dynamics.spectral_radius >= _SCHUR:
         name = options.strategy.value
         stable = "dual_lqr can stabilise it"
         return _refuse(draft, f"{name} is not stable, spectral radius {dynamics.spectral_radius:.4g}: {stable}")
     threshold = np.array(np.broadcast_to(np.asarray(options.threshold, dtype=np.float64), (observer.outputs,)))
-    residual = measure_residual(observer, threshold)
-    draft = replace(draft, residual=residual)
+    residual = measure_residual(observer, threshold, units.norm.y)
+    proof = _proved(solution, options, data)
+    draft = replace(draft, residual=residual, proof=proof)
+    if not proof.holds:
+        return _refuse(draft, proof.refusal())
     if residual.blind and not options.allow_blind:
         return _refuse(draft, blind_reason(data))
-    certificate = replace(draft, accepted=True, verdict=accepted(data, dynamics, residual))
-    return Design(kind=draft.kind, observer=observer, certificate=certificate)
+    certificate = replace(draft, accepted=True, verdict=accepted(data, dynamics, residual, proof))
+    return Design(kind=draft.kind, observer=final, certificate=certificate)
+
+
+def _proved(solution: _Solution, options: DesignOptions, data: DataReport) -> Proof:
+    """Run the observer over the samples that were held back, in shares of the spread."""
+    units, split = solution.units, solution.split
+    into = units.norm.relative_to(units.spread)
+    observer = into.observer(solution.observer, np.ones(solution.observer.order))
+    unseen = try_observer(observer, units.spread.scaled(split.unseen), split.overlap)
+    n, p, rank = observer.states, observer.outputs, data.rank or 0
+    gain = float(np.sqrt(np.max(np.diag(noise_covariance(observer, np.eye(p))), initial=0.0)))
+    allowed = rounding(options.relative_tolerance, gain, unseen)
+    if not solution.exact:
+        seen = try_observer(observer, units.spread.scaled(split.seen), split.overlap)
+        stated = None
+        if options.noise_std is not None:
+            std = units.spread.noise(options.noise_std)
+            C = into.y[:, None] * solution.behaviour.C / into.x
+            levels = np.diag(noise_covariance(observer, C @ np.diag(std**2) @ C.T))
+            stated = Allowance(error=np.sqrt(levels[:n]) + std, residual=np.sqrt(levels[n:]), basis="that stated")
+        allowed = noise(seen, rank, allowed, stated)
+    scales = (units.spread.x, units.spread.y)
+    return prove(unseen, allowed, scales, spare_columns=data.columns - rank)
 
 
 def _refuse(draft: Certificate, reason: str) -> Design:
@@ -163,20 +234,19 @@ def _check_lengths(history: History, options: DesignOptions) -> None:
             raise HistoryError(f"{name} has {len(value)} entries, expected 1 or {count}")
 
 
-def _rank_options(options: DesignOptions) -> RankOptions:
+def _rank_options(options: DesignOptions, units: _Units) -> RankOptions:
+    noise_std = None if options.noise_std is None else tuple(units.spread.noise(options.noise_std).tolist())
     return RankOptions(
-        unknown_inputs=options.unknown_inputs,
-        noise_std=options.noise_std,
-        relative_tolerance=options.relative_tolerance,
+        unknown_inputs=options.unknown_inputs, noise_std=noise_std, relative_tolerance=options.relative_tolerance
     )
 
 
-def _weights(options: DesignOptions, states: int) -> NDArray[np.float64]:
+def _weights(options: DesignOptions, units: _Units) -> NDArray[np.float64]:
     """1 / noise_std of each state, up to a factor; equal when nothing is known."""
     if options.noise_std is None:
-        return np.ones(states)
-    std = np.broadcast_to(np.asarray(options.noise_std, dtype=np.float64), (states,))
-    return np.asarray(std.min() / std)
+        return np.ones_like(units.norm.x)
+    std = units.norm.noise(options.noise_std)
+    return np.asarray(np.min(std) / std)
 
 
 def _subspace_error(decision: RankDecision) -> float:

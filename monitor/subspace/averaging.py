@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from monitor.errors import HistoryError
@@ -20,4 +22,4 @@ def averaged(history: History) -> History:
     if len(lengths) != 1:
         raise HistoryError(f"repeated experiments have {lengths} samples, expected the same number in each")
     u, y, x = (np.mean([getattr(one, name) for one in history.experiments], axis=0) for name in ("u", "y", "x"))
-    return History((Experiment(u, y, x),), history.sampling_period_sec)
+    return replace(history, experiments=(Experiment(u, y, x),))

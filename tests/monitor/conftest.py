@@ -32,12 +32,13 @@ PARAMETERS = (
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plant:
-    """x+ = A x + B u + E d, y = C x."""
+    """x+ = A x + B u + E d, y = C x; comparable: in units in which norms may be taken."""
 
     A: NDArray[np.float64]
     B: NDArray[np.float64]
     E: NDArray[np.float64]
     C: NDArray[np.float64]
+    comparable: bool = False
 
     def run(
         self, x: NDArray[np.float64], u: NDArray[np.float64], d: NDArray[np.float64]
@@ -66,7 +67,7 @@ class Plant:
             _, x = self.run(generator.uniform(-1.0, 1.0, len(self.A)), u, d)
             x = x + noise_std * generator.standard_normal(x.shape)
             recorded.append(Experiment(u, x @ self.C.T, x))
-        return History(tuple(recorded), T_S)
+        return History(tuple(recorded), T_S, self.comparable)
 
 
 def dgu_plant(number: int) -> Plant:
@@ -76,7 +77,7 @@ def dgu_plant(number: int) -> Plant:
     joined[:3, :3] = [[0.0, 1.0 / C_t, 0.0], [(k1 - 1.0) / L_t, (k2 - R_t) / L_t, k3 / L_t], [-1.0, 0.0, 0.0]]
     joined[:3, 3:] = [[-1.0 / C_t, 0.0], [0.0, 0.0], [0.0, 1.0]]
     sampled = expm(joined * T_S)
-    return Plant(A=sampled[:3, :3], B=np.zeros((3, 0)), E=sampled[:3, 3:], C=np.eye(3))
+    return Plant(A=sampled[:3, :3], B=np.zeros((3, 0)), E=sampled[:3, 3:], C=np.eye(3), comparable=True)
 
 
 def random_plant(seed: int) -> Plant:

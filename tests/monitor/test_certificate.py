@@ -160,7 +160,7 @@ def test_json_and_words(dgu_history: Callable[..., History]) -> None:
     """The JSON document holds every part with finite numbers; the words begin with the verdict."""
     certificate = design("full_order", dgu_history(1), {}).certificate
     document = json.loads(certificate.to_json())
-    parts = {"data", "dynamics", "residual", "matrices", "lag", "guarantee", "method"}
+    parts = {"data", "dynamics", "residual", "proof", "matrices", "lag", "guarantee", "method"}
     assert set(document) == {"kind", "accepted", "verdict", *parts}
     assert document["data"]["rank"] == 5
     assert np.shape(document["matrices"]["A"]) == (3, 3)

@@ -129,7 +129,7 @@ def test_missing_samples_cost_nothing_but_columns(dgu: Callable[[int], Plant]) -
     whole = dgu(1).history(np.random.default_rng(0), samples=60, mean=(11.0, 50.0))
     x = whole.experiments[0].x.copy()
     x[[7, 20, 21]] = np.nan
-    gaps = design("full_order", History((replace(whole.experiments[0], x=x),), 0.01), {})
+    gaps = design("full_order", replace(whole, experiments=(replace(whole.experiments[0], x=x),)), {})
     made = design("full_order", whole, {})
     assert gaps.certificate.data is not None
     assert gaps.certificate.data.dropped == 5
