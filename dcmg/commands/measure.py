@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from dcmg.commands.paper import PaperExperiment, add_command
+from dcmg.commands.soak import soak
 
 app = typer.Typer(no_args_is_help=True, help="Measure what is claimed of attacks and detectors.")
 
@@ -45,8 +46,11 @@ def list_() -> None:
     table = Table("measurement", "what it shows", box=None)
     for name, measure in MEASURES.items():
         table.add_row(name, measure.title)
+    table.add_row("soak", "A long run over ROS 2: bounded memory, a sound bag, and a replay that is bit-identical")
     Console().print(table)
 
 
 for _name, _measure in MEASURES.items():
     add_command(app, _name, _measure, Path("out/measure"))
+
+app.command("soak")(soak)

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 pytestmark = pytest.mark.bench
 
 _DURATION_SEC = 20
-_DCMG = (sys.executable, "-m", "dcmg_bringup.cli")
+_DCMG = (sys.executable, "-m", "dcmg")
 
 # Notes the time at which each tick arrives in another process.
 _LISTENER = """

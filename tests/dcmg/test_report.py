@@ -6,7 +6,7 @@ from pathlib import Path
 from typer.testing import CliRunner
 
 from bags.golden import runs
-from dcmg_bringup.cli import app
+from dcmg.cli import app
 
 GOLDEN = Path(runs.__file__).parent / "biased"
 

@@ -8,8 +8,8 @@ from typing import Any
 import yaml
 from typer.main import get_command
 
+from dcmg.cli import app
 from dcmg.shipped import scenario_path
-from dcmg_bringup.cli import app
 from dcmg_nodes.wiring import wiring_of
 from dgu_sim.scenario import load_scenario
 

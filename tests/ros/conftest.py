@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping, Sequence
     from pathlib import Path
 
-DCMG = (sys.executable, "-m", "dcmg_bringup.cli")
+DCMG = (sys.executable, "-m", "dcmg")
 STARTED_SEC = 60.0
 
 # Noise, random loads, an attack with an end and a short calibration: whatever can differ between two runs is in it.

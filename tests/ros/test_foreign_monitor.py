@@ -24,9 +24,9 @@ from bags.mcap.typestore import typestore
 from bags.runs.reader import read_run
 from bags.runs.replay import replay
 from bags.watch.histories import write_histories
+from dcmg.cli import app
 from dcmg.hardware.bags import ATTACK_SEC
 from dcmg.shipped import scenario_path
-from dcmg_bringup.cli import app
 from dcmg_bringup.domain import choose_domain
 from dcmg_bringup.run_job import ros_environment
 from dcmg_nodes.errors import NodeError
@@ -36,7 +36,7 @@ from dgu_sim.scenario import load_scenario
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-DCMG = (sys.executable, "-m", "dcmg_bringup.cli")
+DCMG = (sys.executable, "-m", "dcmg")
 ROOT = Path(__file__).parents[2]
 PAGE = (ROOT / "docs" / "import.md").read_text(encoding="utf-8")
 

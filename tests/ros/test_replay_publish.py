@@ -115,7 +115,7 @@ def test_a_replay_is_steered_from_elsewhere(dcmg: Callable[..., Any]) -> None:
     command = [
         sys.executable,
         "-m",
-        "dcmg_bringup.cli",
+        "dcmg",
         "replay",
         str(bag),
         "--publish",

@@ -1,4 +1,4 @@
-"""A minute of what `dcmg soak` does for an hour."""
+"""A minute of what `dcmg measure soak` does for an hour."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 def test_a_minute_in_flat_memory(dcmg: Callable[..., Any]) -> None:
     """Six DGUs recorded over ROS 2, checked and replayed bit by bit, every process below 300 MB."""
-    finished = dcmg("soak", "gallo_six_dgu", "--duration", "60", "--json", timeout_sec=200.0)
+    finished = dcmg("measure", "soak", "gallo_six_dgu", "--duration", "60", "--json", timeout_sec=200.0)
     assert finished.code == 0, finished.err + finished.out
     report = json.loads(finished.out)
     assert (report["steps"], report["limit_mb"]) == (6000, 300.0)

@@ -1,4 +1,4 @@
-"""Installs the dcmg command, the scenarios and the launch files, as an ament package and as a Python distribution."""
+"""Installs what the dcmg command does over ROS 2, as an ament package and as a Python distribution."""
 
 from pathlib import Path
 
@@ -9,7 +9,7 @@ PACKAGE = "dcmg_bringup"
 setup(
     name=PACKAGE,
     version="0.1.0",
-    description="The dcmg command, the supervisor of a run, the shipped scenarios and the launch files",
+    description="What the dcmg command does over ROS 2: the supervisor of a run, attacks by hand, launch files",
     license="Apache-2.0",
     python_requires=">=3.11,<3.14",
     packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
@@ -19,6 +19,19 @@ setup(
         (f"share/{PACKAGE}", ["package.xml"]),
         (f"share/{PACKAGE}/launch", [str(path) for path in sorted(Path("launch").glob("*.launch.py"))]),
     ],
-    entry_points={"console_scripts": ["dcmg = dcmg_bringup.cli:main"]},
+    entry_points={
+        # the command itself is of the distribution dcmg; colcon puts this one where ros2 run and launch files look
+        "console_scripts": ["dcmg = dcmg.cli:main"],
+        "dcmg.commands": [
+            f"run = {PACKAGE}.run_command:run",
+            f"node = {PACKAGE}.node_command:node",
+            f"attack.start = {PACKAGE}.attack_commands:start_app",
+            f"attack.stop = {PACKAGE}.attack_commands:stop",
+            f"attack.list = {PACKAGE}.attack_commands:list_",
+            f"monitor = {PACKAGE}.monitor_command:monitor",
+            f"player = {PACKAGE}.player_commands:app",
+            f"replay.publish = {PACKAGE}.replay_publish:publish",
+        ],
+    },
     zip_safe=False,
 )

@@ -11,8 +11,8 @@ from bags.mcap.errors import BagError
 from bags.reconstruct.estimate import reconstruct_link
 from bags.reconstruct.reconstruction_plot import draw_reconstruction
 from bags.runs.offline import simulate_to_bag
+from dcmg.cli import app
 from dcmg.shipped import scenario_path
-from dcmg_bringup.cli import app
 from dgu_sim.grid import Link
 from dgu_sim.scenario import load_scenario
 

@@ -1,4 +1,4 @@
-"""`dcmg attack`: start, stop and list attacks in a running system, and say what attacks there are."""
+"""`dcmg attack`: start, stop and list attacks in a running system."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
+from dcmg.attack_words import parse_link, parse_order
 from dcmg_bringup.attack_client import attack_client
-from dcmg_bringup.attack_words import EXAMPLES, first_line, parameters_of, parse_link, parse_order
-from dgu_sim.attacks import KINDS, known_kind
+from dgu_sim.attacks import KINDS
 
-app = typer.Typer(no_args_is_help=True, help="Start, stop and list attacks in a running system.")
+start_app = typer.Typer(add_completion=False, rich_markup_mode="markdown")
 
 Domain = Annotated[
     int | None, typer.Option(help="ROS domain id of the system; default: the only one running", show_default=False)
@@ -21,7 +21,7 @@ Domain = Annotated[
 Json = Annotated[bool, typer.Option("--json", help="print a JSON document")]
 
 
-@app.command(
+@start_app.command(
     context_settings={"ignore_unknown_options": True},
     no_args_is_help=True,
     epilog=f"Kinds: {', '.join(KINDS)}. What one wants: dcmg attack kinds KIND.",
@@ -56,7 +56,6 @@ def start(
     typer.echo(f"attack {number} ({order.kind}) acts on link {links} from step {step} on")
 
 
-@app.command()
 def stop(
     link: Annotated[str, typer.Argument(help="attacked link, as in 1-2", show_default=False)], *, domain: Domain = None
 ) -> None:
@@ -67,7 +66,6 @@ def stop(
     typer.echo(f"{count} attack(s) stopped: link {link} is clean from step {step} on")
 
 
-@app.command("list")
 def list_(*, domain: Domain = None, json: Json = False) -> None:
     """Show the active and scheduled attacks."""
     with attack_client(domain) as client:
@@ -82,33 +80,3 @@ def list_(*, domain: Domain = None, json: Json = False) -> None:
         cells = (attack["attack"], attack["link"], attack["kind"], attack["parameters"], attack["start_step"])
         table.add_row(*(str(cell) for cell in cells), until, state, str(attack["origin"]))
     Console().print(table if attacks else "no attack is active or scheduled")
-
-
-@app.command()
-def kinds(
-    kind: Annotated[str | None, typer.Argument(help="show this one with its parameters", show_default=False)] = None,
-    *,
-    json: Json = False,
-) -> None:
-    """Say what attacks there are; what one does, knows and wants."""
-    chosen = KINDS if kind is None else {kind: known_kind(kind)}
-    if json:
-        document = {
-            name: {"does": first_line(attack), "knows": attack.knows, "parameters": attack.model_json_schema()}
-            for name, attack in chosen.items()
-        }
-        typer.echo(json_module.dumps(document))
-        return
-    if kind is None:
-        table = Table("kind", "what it does", "what it must know")
-        for name, attack in KINDS.items():
-            table.add_row(name, first_line(attack), attack.knows)
-        Console().print(table)
-        return
-    attack = chosen[kind]
-    typer.echo(f"{kind}: {' '.join((attack.__doc__ or '').split())}\nThe attacker must know: {attack.knows}.")
-    table = Table("parameter", "default", "meaning")
-    for row in parameters_of(attack):
-        table.add_row(*row)
-    Console().print(table if attack.model_fields else "no parameters")
-    typer.echo(f"dcmg attack start {kind} {EXAMPLES.get(kind, '1-2')}")

@@ -12,6 +12,7 @@ import typer
 
 from bags.foreign.mapping import load_mapping
 from bags.foreign.watching import stream_monitors
+from dcmg_bringup.said import said_in_one_line
 
 
 def monitor(
@@ -48,7 +49,8 @@ def monitor(
     period_sec = monitors.topics.sampling_period_ns * 1e-9
     steps = None if duration is None else max(1, round(duration / period_sec))
     typer.echo(f"waiting for {' '.join(monitors.fields)}", err=True)
-    outcome = watch_foreign_topics(found, monitors, wait_sec=wait, steps=steps, out=out, say=typer.echo)
+    with said_in_one_line():
+        outcome = watch_foreign_topics(found, monitors, wait_sec=wait, steps=steps, out=out, say=typer.echo)
     if json:
         typer.echo(json_module.dumps({**asdict(outcome), "bag": None if out is None else str(out)}))
         return

@@ -6,14 +6,13 @@ import datetime as dt
 import json as json_module
 import os
 from contextlib import ExitStack
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from bags.mcap.recording import TopicFilter
 from bags.runs.origin import SCENARIO_ATTACHMENT
 from bags.runs.playback import Playback, Selection, open_playback
 from bags.runs.replay_settings import history_messages, replayed_scenario
@@ -24,14 +23,14 @@ from dcmg_bringup.keys import keys
 from dcmg_bringup.processes import ProcessGroup
 from dcmg_bringup.replay_display import ReplayDisplay
 from dcmg_bringup.run_job import ros_environment
+from dcmg_bringup.said import said_in_one_line
 from dcmg_nodes.options import NodeOptions
 from dcmg_nodes.playing import PlayOptions
 from dcmg_nodes.wiring import wiring_of
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
-    from dcmg_bringup.replay_job import MonitorChanges
+    from dcmg.commands.publish_options import PublishOptions
+    from dcmg.commands.replay_job import MonitorChanges
     from dcmg_nodes.playing import Played
     from dcmg_nodes.wiring import Wiring
     from dgu_sim.scenario import Scenario
@@ -42,32 +41,6 @@ _EXIT_INTERRUPTED = 130
 _EXIT_GRACE_SEC = 5.0
 _DOMAIN, _PROFILES = "ROS_DOMAIN_ID", "FASTRTPS_DEFAULT_PROFILES_FILE"
 _messages = Console(stderr=True)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class PublishOptions:
-    """How a bag is published; see `bags.runs.playback.Selection` and `dcmg_nodes.player.PlayOptions`.
-
-    Attributes:
-        monitors: start the monitor nodes of the run on the published data.
-        attached: nodes that somebody else starts on it.
-        domain: ROS domain id, None: a free one for monitors of our own, else that of the environment.
-        out: folder for the logs of the monitors, None: a new one below `out`.
-    """
-
-    rate: float = 1.0
-    start_offset_sec: float = 0.0
-    duration_sec: float | None = None
-    loop: bool = False
-    paused: bool = False
-    topics: TopicFilter = field(default_factory=TopicFilter)
-    remap: dict[str, str] = field(default_factory=dict)
-    wait_for: Sequence[str] = ()
-    queue: int = 10
-    monitors: bool = False
-    attached: Sequence[str] = ()
-    domain: int | None = None
-    out: Path | None = None
 
 
 def publish(bag: Path, changes: MonitorChanges, options: PublishOptions, *, json: bool) -> int:
@@ -137,7 +110,7 @@ def _play(playback: Playback, part: _Part | None, options: PublishOptions, stack
     )
     length_sec = (playback.end_ns - playback.start_ns) * 1e-9
     pressed = stack.enter_context(keys())
-    with ReplayDisplay(_messages, length_sec, pressed, group) as display:
+    with ReplayDisplay(_messages, length_sec, pressed, group) as display, said_in_one_line():
         played = play(playback, play_options, display)
     if group is not None:
         group.wait(_EXIT_GRACE_SEC)

@@ -10,8 +10,8 @@ from pathlib import Path
 import pytest
 
 from bags.runs.reader import read_run
+from dcmg.cli import main
 from dcmg.shipped import scenario_path, shipped_scenarios
-from dcmg_bringup.cli import main
 from dgu_sim.scenario import load_scenario
 
 Outcome = tuple[int, str, str]

@@ -1,4 +1,4 @@
-"""`dcmg soak`: does a long run stay within bounded memory, and is its bag worth something?"""
+"""`dcmg measure soak`: does a long run stay within bounded memory, and is its bag worth something?"""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import typer
 from rich.console import Console
 from rich.table import Table
 
-from dcmg_bringup.soak import SoakReport
-from dcmg_bringup.soak import soak as run_soak
+from dcmg.measures.soak import SoakReport
+from dcmg.measures.soak import soak as run_soak
 
 _EXIT_FAILED = 1
 

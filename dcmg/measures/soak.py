@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from bags.runs.run_record import RunRecord
 
-_DCMG = (sys.executable, "-m", "dcmg_bringup.cli")
+_DCMG = (sys.executable, "-m", "dcmg")
 _SAMPLE_SEC = 0.5
 _KIB_PER_MB = 1e6 / 1024
 _CONCLUSIONS = ("phase", "alarm", "estimate", "residual", "threshold")

@@ -9,11 +9,11 @@ from typing import TYPE_CHECKING
 import typer
 
 from bags.mcap.recording import TopicFilter
+from dcmg.commands import replay_options as options  # noqa: TC001 (typer reads the annotations)
+from dcmg.commands.publish_options import PublishOptions
+from dcmg.commands.replay_job import MonitorChanges, evaluate
 from dcmg.errors import CommandError
-from dcmg_bringup import replay_options as options  # noqa: TC001 (typer reads the annotations)
-from dcmg_bringup.replay_job import MonitorChanges, evaluate
-from dcmg_bringup.replay_publish import PublishOptions
-from dcmg_bringup.replay_publish import publish as publish_bag
+from dcmg.joined import joined
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -78,6 +78,7 @@ def replay(
         domain=domain,
         out=out,
     )
+    publish_bag = joined("replay.publish", "dcmg replay --publish")
     raise typer.Exit(publish_bag(bag, changes, chosen, json=json))
 
 

@@ -4,7 +4,7 @@ import json
 
 from typer.testing import CliRunner
 
-from dcmg_bringup.cli import app
+from dcmg.cli import app
 
 QUICK = (
     "duration_sec=3.5",

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from bags.golden import golden_path
-from dcmg_bringup.cli import main
+from dcmg.cli import main
 from dcmg_bringup.keys import DOWN, RIGHT, SPACE, UP, split_keys
 
 if TYPE_CHECKING:

@@ -8,9 +8,9 @@ import shlex
 import pytest
 from typer.testing import CliRunner
 
+from dcmg.attack_words import EXAMPLES, parameters_of, parse_order
+from dcmg.cli import app
 from dcmg.errors import CommandError
-from dcmg_bringup.attack_commands import app
-from dcmg_bringup.attack_words import EXAMPLES, parameters_of, parse_order
 from dgu_sim.attacks import KINDS
 from dgu_sim.errors import AttackError
 from dgu_sim.grid import Link
@@ -60,17 +60,17 @@ def test_wrong_words_are_refused_in_one_line(words: list[str], said: str) -> Non
 @pytest.mark.parametrize("kind", KINDS)
 def test_kinds_shows_every_parameter(kind: str) -> None:
     """One kind with its parameters, as a table and as JSON."""
-    shown = CliRunner().invoke(app, ["kinds", kind], env={"COLUMNS": "200"})
+    shown = CliRunner().invoke(app, ["attack", "kinds", kind], env={"COLUMNS": "200"})
     assert shown.exit_code == 0
     assert all(option in shown.output for option, _, _ in parameters_of(KINDS[kind]))
     assert f"dcmg attack start {kind} {EXAMPLES[kind]}" in shown.output
-    document = json.loads(CliRunner().invoke(app, ["kinds", kind, "--json"]).output)
+    document = json.loads(CliRunner().invoke(app, ["attack", "kinds", kind, "--json"]).output)
     assert set(document) == {kind}
     assert set(document[kind]["parameters"]["properties"]) == set(KINDS[kind].model_fields)
 
 
 def test_kinds_and_the_help_of_start_name_them_all() -> None:
     """Whoever asks what there is gets every kind."""
-    for arguments in (["kinds"], ["start", "--help"]):
+    for arguments in (["attack", "kinds"], ["attack", "start", "--help"]):
         shown = CliRunner().invoke(app, arguments, env={"COLUMNS": "200"})
         assert all(kind in shown.output for kind in KINDS)

@@ -9,7 +9,6 @@ import typer
 
 from bags.mcap.packing import Compression
 from bags.mcap.recording import Buffer, ChunkPreset, Recording, Split, TopicFilter, WhenFull
-from dcmg_nodes.options import PacingMode
 
 _MEGABYTE = 1_000_000
 _PANEL = "Recording"
@@ -102,14 +101,13 @@ def recording_of(
     exclude: list[str] | None,
     buffer_mb: float = 32.0,
     when_full: WhenFull | None = None,
-    pacing: PacingMode = PacingMode.LOCKSTEP,
+    in_time: WhenFull = WhenFull.WAIT,
 ) -> Recording:
-    """What the options mean.
+    """What the options mean; `in_time` is what a full buffer does where nobody said it.
 
     Raises:
         BagError: a limit that no file can keep, or a pattern that is none.
     """
-    in_time = WhenFull.WAIT if pacing is PacingMode.LOCKSTEP else WhenFull.DROP
     return Recording(
         compression=Compression[compression.name],
         chunks=chunks,

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from dcmg_bringup.jobs import print_summary, shown
+from dcmg.commands.showing import print_summary, shown
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

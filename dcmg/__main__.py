@@ -1,0 +1,5 @@
+"""`python -m dcmg`: the `dcmg` command."""
+
+from dcmg.cli import main
+
+main()

@@ -1,0 +1,42 @@
+"""`dcmg attack kinds`: what attacks there are; what one does, knows and wants."""
+
+from __future__ import annotations
+
+import json as json_module
+from typing import Annotated
+
+import typer
+from rich.console import Console
+from rich.table import Table
+
+from dcmg.attack_words import EXAMPLES, first_line, parameters_of
+from dgu_sim.attacks import KINDS, known_kind
+
+
+def attack_kinds(
+    kind: Annotated[str | None, typer.Argument(help="show this one with its parameters", show_default=False)] = None,
+    *,
+    json: Annotated[bool, typer.Option("--json", help="print a JSON document")] = False,
+) -> None:
+    """Say what attacks there are; what one does, knows and wants."""
+    chosen = KINDS if kind is None else {kind: known_kind(kind)}
+    if json:
+        document = {
+            name: {"does": first_line(attack), "knows": attack.knows, "parameters": attack.model_json_schema()}
+            for name, attack in chosen.items()
+        }
+        typer.echo(json_module.dumps(document))
+        return
+    if kind is None:
+        table = Table("kind", "what it does", "what it must know")
+        for name, attack in KINDS.items():
+            table.add_row(name, first_line(attack), attack.knows)
+        Console().print(table)
+        return
+    attack = chosen[kind]
+    typer.echo(f"{kind}: {' '.join((attack.__doc__ or '').split())}\nThe attacker must know: {attack.knows}.")
+    table = Table("parameter", "default", "meaning")
+    for row in parameters_of(attack):
+        table.add_row(*row)
+    Console().print(table if attack.model_fields else "no parameters")
+    typer.echo(f"dcmg attack start {kind} {EXAMPLES.get(kind, '1-2')}")

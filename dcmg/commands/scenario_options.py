@@ -1,0 +1,92 @@
+"""The options of every command that takes a scenario, and what they mean."""
+
+from __future__ import annotations
+
+import datetime as dt
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from dcmg.errors import CommandError
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+    from dgu_sim.scenario import Scenario as LoadedScenario
+
+Scenario = Annotated[str, typer.Argument(help="name of a shipped scenario (see `dcmg scenarios`) or path of a file")]
+Out = Annotated[
+    Path | None, typer.Option(help="folder to write to; default: out/SCENARIO-DATE-TIME", show_default=False)
+]
+Json = Annotated[bool, typer.Option("--json", help="print the result as one JSON document, and nothing else there")]
+Duration = Annotated[
+    float | None, typer.Option(metavar="SECONDS", help="simulated length of the run [s]", show_default=False)
+]
+Seed = Annotated[int | None, typer.Option(help="seed of everything random", show_default=False)]
+Set = Annotated[
+    list[str] | None,
+    typer.Option("--set", metavar="A.B=VALUE", help="change one key of the scenario; repeatable", show_default=False),
+]
+History = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="BAG",
+        help="design the monitors from this recorded history (see `dcmg experiment`), not from one made at the start",
+        show_default=False,
+    ),
+]
+Plots = Annotated[bool, typer.Option(help="draw states and residuals as PNG files")]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class ScenarioOptions:
+    """Which scenario, and what is changed in it.
+
+    Attributes:
+        name: name of a shipped scenario or path of a file.
+        duration_sec: simulated length [s], None: as in the file.
+        seed: seed, None: as in the file.
+        out: folder to write to, None: a new one below `out`.
+        overrides: further changes, "a.b=value".
+        history: bag with the histories that monitors are designed from, None: as in the file.
+    """
+
+    name: str
+    duration_sec: float | None
+    seed: int | None
+    out: Path | None
+    overrides: Sequence[str]
+    history: Path | None = None
+
+    def load(self) -> LoadedScenario:
+        """Read and check the scenario.
+
+        Raises:
+            ScenarioError: it is not valid.
+        """
+        from dcmg.shipped import scenario_path  # noqa: PLC0415 (heavy)
+        from dgu_sim.scenario import load_scenario  # noqa: PLC0415 (heavy)
+
+        changes = list(self.overrides)
+        if self.duration_sec is not None:
+            changes.append(f"duration_sec={self.duration_sec!r}")
+        if self.seed is not None:
+            changes.append(f"seed={self.seed}")
+        if self.history is not None:
+            changes.append(f"history.bag={json.dumps(str(self.history.resolve()))}")
+        return load_scenario(scenario_path(self.name), changes)
+
+    def folder(self, scenario: LoadedScenario) -> Path:
+        """Return the folder to write to, which does not hold anything yet.
+
+        Raises:
+            CommandError: the wanted folder holds something.
+        """
+        now = dt.datetime.now(tz=dt.UTC).astimezone()
+        out = self.out or Path("out") / f"{scenario.name}-{now:%Y%m%d-%H%M%S}"
+        if out.exists() and (not out.is_dir() or any(out.iterdir())):
+            raise CommandError(f"--out {out}: expected a new or empty folder, found one that holds something")
+        return out

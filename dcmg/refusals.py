@@ -1,0 +1,65 @@
+"""The end of a command that refuses: one line on standard error, and an exit code that says so."""
+
+from __future__ import annotations
+
+import sys
+from typing import TYPE_CHECKING
+
+import typer
+from typer.exceptions import TyperException
+
+from dcmg.errors import CommandError
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+EXIT_REFUSED = 2
+_EXIT_FAILED = 1
+
+
+def run_to_one_line(command: Callable[[], object]) -> int:
+    """Run a command and return its exit code; what it refuses is said in one line on standard error.
+
+    An error that nobody foresaw is raised: it is ours, and its traceback is what we need.
+    """
+    try:
+        result = command()
+        sys.stdout.flush()
+    except typer.Abort:
+        return _EXIT_FAILED
+    except Exception as error:
+        line = _line(error)
+        if line is None:
+            raise
+        if line:
+            sys.stderr.write(f"dcmg: {line}\n")
+        return EXIT_REFUSED
+    return result if isinstance(result, int) else 0
+
+
+def _line(error: Exception) -> str | None:
+    """What is said of an error; empty when it has said everything itself, None when it is unforeseen."""
+    if isinstance(error, TyperException):
+        return _usage(error)
+    if isinstance(error, OSError):
+        return _of_system(error)
+    if isinstance(error, MemoryError):
+        return f"not enough memory ({error})" if str(error) else "not enough memory"
+    from bags.mcap.errors import BagError  # noqa: PLC0415 (only a command that refuses needs the classes)
+    from dgu_sim.errors import DguSimError  # noqa: PLC0415 (idem)
+    from monitor.errors import MonitorError  # noqa: PLC0415 (idem)
+
+    return str(error) if isinstance(error, (BagError, CommandError, DguSimError, MonitorError)) else None
+
+
+def _usage(error: TyperException) -> str:
+    if type(error).__name__ == "NoArgsIsHelpError":  # its help is printed already, and the class is private
+        return ""
+    context = getattr(error, "ctx", None)
+    command = "dcmg" if context is None else context.command_path
+    return f"{' '.join(error.format_message().split())} (see `{command} --help`)"
+
+
+def _of_system(error: OSError) -> str:
+    reason = error.strerror or str(error)
+    return f"{error.filename}: {reason}" if error.filename else reason

@@ -1,0 +1,112 @@
+"""`dcmg run`: a scenario over ROS 2."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from bags.mcap.recording import ChunkPreset, WhenFull
+from dcmg.commands import recording_options as recorded
+from dcmg.commands import scenario_options as options
+from dcmg.errors import CommandError
+from dcmg_nodes.options import PacingMode
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from bags.mcap.recording import Recording
+    from dcmg_bringup.run_job import RunOptions, RunOutcome
+    from dgu_sim.scenario import Scenario
+
+_EXIT_FAILED = 1
+_EXIT_INTERRUPTED = 130
+
+
+def run(
+    scenario: options.Scenario,
+    *,
+    pacing: Annotated[
+        PacingMode, typer.Option(help="as fast as the nodes go, or wall-clock time")
+    ] = PacingMode.LOCKSTEP,
+    rate: Annotated[float, typer.Option(min=0.001, help="real-time factor, with `--pacing realtime`")] = 1.0,
+    duration: options.Duration = None,
+    seed: options.Seed = None,
+    out: options.Out = None,
+    composed: Annotated[bool, typer.Option("--composed", help="all nodes in one process")] = False,
+    history: options.History = None,
+    set_: options.Set = None,
+    json: options.Json = False,
+    plots: options.Plots = True,
+    domain: Annotated[int | None, typer.Option(help="ROS domain id; default: a free one", show_default=False)] = None,
+    bag_compression: recorded.BagCompression = recorded.CompressionName.ZSTD,
+    bag_chunks: recorded.BagChunks = ChunkPreset.SAFE,
+    bag_split_mb: recorded.BagSplitMb = None,
+    bag_split_sec: recorded.BagSplitSec = None,
+    bag_topics: recorded.BagTopics = None,
+    bag_exclude: recorded.BagExclude = None,
+    bag_buffer_mb: recorded.BagBufferMb = 32.0,
+    bag_when_full: recorded.BagWhenFull = None,
+) -> None:
+    """Run a scenario over ROS 2: one process per node, recorded to a bag."""
+    chosen = options.ScenarioOptions(
+        name=scenario, duration_sec=duration, seed=seed, out=out, overrides=set_ or [], history=history
+    )
+    recording = recorded.recording_of(
+        compression=bag_compression,
+        chunks=bag_chunks,
+        split_mb=bag_split_mb,
+        split_sec=bag_split_sec,
+        topics=bag_topics,
+        exclude=bag_exclude,
+        buffer_mb=bag_buffer_mb,
+        when_full=bag_when_full,
+        in_time=in_time(pacing),
+    )
+    if rate != 1.0 and pacing is PacingMode.LOCKSTEP:
+        raise CommandError(f"--rate {rate:g}: expected only together with --pacing realtime")
+    from dcmg_bringup.run_job import RunOptions  # noqa: PLC0415 (heavy)
+
+    how = RunOptions(pacing=pacing, rate=rate, composed=composed, domain=domain, recording=recording)
+    raise typer.Exit(_run(chosen, how, json=json, plots=plots))
+
+
+def in_time(pacing: PacingMode) -> WhenFull:
+    """What a recorder does whose buffer is full: in real time the run does not wait for a disk."""
+    return WhenFull.WAIT if pacing is PacingMode.LOCKSTEP else WhenFull.DROP
+
+
+def _run(chosen: options.ScenarioOptions, how: RunOptions, *, json: bool, plots: bool) -> int:
+    """Run a scenario over ROS 2 and show what the monitors saw."""
+    from dcmg.commands.checking import check_monitors  # noqa: PLC0415 (heavy)
+    from dcmg.commands.showing import messages  # noqa: PLC0415 (takes its time)
+    from dcmg.live import LiveDisplay  # noqa: PLC0415 (takes its time)
+    from dcmg_bringup.run_job import run_job  # noqa: PLC0415 (heavy)
+
+    scenario = chosen.load()
+    check_monitors(scenario)
+    out = chosen.folder(scenario)
+    with LiveDisplay(messages, scenario.steps, scenario.sampling_period_sec) as display:
+        outcome = run_job(scenario, out, how, display)
+    return _ended(outcome, scenario, out, how.recording, json=json, plots=plots)
+
+
+def _ended(outcome: RunOutcome, scenario: Scenario, out: Path, recording: Recording, *, json: bool, plots: bool) -> int:
+    from dcmg.commands.showing import is_partial, messages, show  # noqa: PLC0415 (takes its time)
+
+    if outcome.lost:
+        messages.print(f"[red]{outcome.lost} message(s) were published and not recorded[/]: see {out / 'log'}")
+    if outcome.deadline_misses:
+        messages.print(f"{outcome.deadline_misses} step(s) were released more than one sampling period late")
+    if outcome.failure is not None:
+        messages.print(
+            f"dcmg: {outcome.failure}; the bag holds what came before: {outcome.bag}", highlight=False, soft_wrap=True
+        )
+        return _EXIT_FAILED
+    if outcome.interrupted:
+        messages.print(
+            f"interrupted at step {outcome.steps}; the bag is closed: {outcome.bag}", highlight=False, soft_wrap=True
+        )
+        return _EXIT_INTERRUPTED
+    show(outcome.bag, out if plots else None, json=json, partial=is_partial(scenario, recording))
+    return _EXIT_FAILED if outcome.lost else 0
