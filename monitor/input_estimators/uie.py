@@ -16,8 +16,6 @@ if TYPE_CHECKING:
 
     from monitor.history import History
 
-_FUTURE = 2  # what acts on a DGU from one sample on shows in the next one: D = 0
-
 
 def design_open_loop(history: History, options: Mapping[str, object]) -> EstimatorDesign:
     """z+ = A_op z + B_op d_y, dhat = U1 z + Y1 d_y (theory section 6), `future` - 1 steps late.
@@ -38,7 +36,7 @@ def design_closed_loop(history: History, options: Mapping[str, object]) -> Estim
 
 
 def _design(kind: str, history: History, options: Mapping[str, object]) -> EstimatorDesign:
-    made = design_inputs(kind, applied_as_inputs(history), {"future": _FUTURE, **options})
+    made = design_inputs(kind, applied_as_inputs(history), options)
     if made.observer is None:
         return EstimatorDesign(kind=kind, estimator=None, verdict=made.verdict)
     zeros = made.report.zeros

@@ -104,6 +104,15 @@ def untruncated(windows: Windows) -> Behaviour:
     )
 
 
+def shows_order(stacked: NDArray[np.float64], rank: int, tolerance: float) -> bool:
+    """Whether [U; Y] of some windows has this rank: exactly, by a gap at this place, or because it has no more rows."""
+    values = np.linalg.svd(stacked, compute_uv=False)
+    if not 0 < rank < len(values):
+        return rank == len(values)
+    exact = int(np.count_nonzero(values > tolerance * values[0]))
+    return exact == rank if exact < len(values) else bool(values[rank - 1] >= _KNOWN_GAP * values[rank])
+
+
 def _directions(stacked: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     directions, values, _ = np.linalg.svd(stacked, full_matrices=False)
     return directions, values

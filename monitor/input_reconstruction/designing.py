@@ -9,18 +9,18 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass as checked_dataclass
-from scipy.linalg import null_space, solve_discrete_are
+from scipy.linalg import null_space
 
 from monitor.certificate import Certificate
 from monitor.errors import HistoryError, MonitorError
-from monitor.input_reconstruction.behaviour import Behaviour, truncate, untruncated
 from monitor.input_reconstruction.poles import Solutions, place
 from monitor.input_reconstruction.realisation import Gains, realise
 from monitor.input_reconstruction.report import InputDesign, InputReport
+from monitor.input_reconstruction.sizes import Sizes, fit_windows, larger_future
 from monitor.input_reconstruction.uncertainty import noise_gain
-from monitor.input_reconstruction.windows import Windows, cut_windows
-from monitor.input_reconstruction.zeros import invariant_zeros, invisible_below
+from monitor.input_reconstruction.zeros import invariant_zeros, invisible, visibility
 from monitor.options import parse_options
+from monitor.riccati import filter_gain
 from monitor.sight import measure_dynamics, measure_residual
 from monitor.wording import sees
 
@@ -30,10 +30,13 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from monitor.history import History
+    from monitor.input_reconstruction.behaviour import Behaviour
+    from monitor.input_reconstruction.windows import Windows
 
 OPEN_LOOP = "op_uie"
 CLOSED_LOOP = "cl_uie"
 _SCHUR = 1.0 - 1e-9
+_CIRCLE = 1e-6  # zeros this close to the unit circle are borderline
 
 
 class Poles(Enum):
@@ -55,8 +58,9 @@ class InputOptions:
     """Options of both estimators.
 
     Attributes:
-        past: N_ini.
-        future: output samples used from t on; the estimate lags the newest output by future - 1.
+        past: N_ini; longer than the lag of the plant, by default 5 or what the lag asks for.
+        future: output samples used from t on; the estimate lags the newest output by future - 1; by default as few as
+            condition (8) asks for.
         order: order of the plant, if it is known; needed for noisy records without a clear gap.
         fit: `truncated` keeps the trajectories above the noise (total least squares; falls back to the other without a
             gap); `least_squares` is the paper's plain pseudo-inverse of noisy data, which shows neither (8) nor zeros.
@@ -66,8 +70,8 @@ class InputOptions:
         threshold: the residual threshold that the certificate's smallest bias refers to.
     """
 
-    past: int = Field(default=5, ge=2)
-    future: int = Field(default=1, ge=1)
+    past: int | None = Field(default=None, ge=2)
+    future: int | None = Field(default=None, ge=1)
     order: int | None = Field(default=None, ge=1)
     relative_tolerance: float = Field(default=1e-10, gt=0.0, lt=1.0)
     fit: Fit = Fit.TRUNCATED
@@ -90,25 +94,34 @@ def design(kind: str, history: History, options: Mapping[str, object]) -> InputD
     if kind not in {OPEN_LOOP, CLOSED_LOOP}:
         raise MonitorError(f"input reconstruction is {kind!r}, expected one of {CLOSED_LOOP}, {OPEN_LOOP}")
     chosen = parse_options(InputOptions, options, kind)
-    report = InputReport(past=chosen.past, delay=chosen.future - 1, columns=0, dropped=0)
+    sizes = Sizes(
+        past=chosen.past,
+        future=chosen.future,
+        order=chosen.order,
+        tolerance=chosen.relative_tolerance,
+        truncated=chosen.fit is Fit.TRUNCATED,
+    )
     try:
-        windows = cut_windows(history, chosen.past, chosen.future)
+        windows, behaviour = fit_windows(history, sizes)
     except HistoryError as error:
-        return _refused(kind, report, str(error))
-    if chosen.fit is Fit.TRUNCATED:
-        behaviour = truncate(windows, chosen.order, chosen.relative_tolerance)
-    else:
-        behaviour = untruncated(windows)
-    return _design(kind, windows, behaviour, chosen, history.sampling_period_sec)
+        return _refused(kind, InputReport(past=chosen.past or 0, delay=0, columns=0, dropped=0), str(error))
+    report = _report(windows, behaviour)
+    if invisible(behaviour):
+        return _refused(kind, report, _unseen(report, behaviour, larger_future(history, sizes, windows)))
+    if report.zeros is not None and (reason := _unstable(report.zeros, behaviour)):
+        return _refused(kind, report, reason)
+    return _design(kind, windows, behaviour, chosen, report, history.sampling_period_sec)
 
 
 def _design(
-    kind: str, windows: Windows, behaviour: Behaviour, options: InputOptions, sampling_period_sec: float
+    kind: str,
+    windows: Windows,
+    behaviour: Behaviour,
+    options: InputOptions,
+    report: InputReport,
+    sampling_period_sec: float,
 ) -> InputDesign:
-    """Check condition (8) and the zeros, then solve: everything after the rank is decided."""
-    report = _report(windows, behaviour)
-    if reason := _impossible(report, behaviour):
-        return _refused(kind, report, reason)
+    """Solve for the gains once condition (8) and the zeros are checked."""
     W0 = behaviour.u_now @ np.linalg.pinv(behaviour.H, rcond=options.relative_tolerance)
     zeros = None if report.zeros is None else float(np.max(np.abs(report.zeros), initial=0.0))
     if kind == OPEN_LOOP:
@@ -127,7 +140,6 @@ def _design(
 
 
 def _report(windows: Windows, behaviour: Behaviour) -> InputReport:
-    values = np.linalg.svd(behaviour.H, compute_uv=False)
     report = InputReport(
         past=windows.past,
         delay=windows.future - 1,
@@ -140,32 +152,36 @@ def _report(windows: Windows, behaviour: Behaviour) -> InputReport:
     )
     if not behaviour.decided:
         return report
-    visibility = float(values[-1]) if len(values) == behaviour.rank else 0.0
-    report = replace(report, visibility=visibility)
-    if visibility <= invisible_below(behaviour):
+    report = replace(report, visibility=visibility(behaviour))
+    if invisible(behaviour):
         return report
     return replace(report, zeros=invariant_zeros(behaviour, windows.past))
 
 
-def _impossible(report: InputReport, behaviour: Behaviour) -> str | None:
-    """Why no estimator exists, as far as the record tells."""
-    if report.visibility is not None and report.visibility <= invisible_below(behaviour):
-        if behaviour.noise:
-            return (
-                f"condition (8) of I cannot be told from noise: the input at t shows as {report.visibility:.1g} in the "
-                f"outputs up to t + {report.delay}, noise as {behaviour.noise:.1g}; record longer, or try least_squares"
-            )
+def _unseen(report: InputReport, behaviour: Behaviour, future: int | None) -> str:
+    """Condition (8) fails, as far as the record tells, and what would mend it."""
+    shown = f"visibility {report.visibility:.1g}"
+    if behaviour.noise:
         return (
-            f"condition (8) of I fails, U_f ker H is not 0: the input at t does not show in the outputs up to "
-            f"t + {report.delay} (visibility {report.visibility:.1g}); use a larger future or more outputs"
+            f"condition (8) of I cannot be told from noise: the input at t shows as {report.visibility:.1g} in the "
+            f"outputs up to t + {report.delay}, noise as {behaviour.noise:.1g}; record longer, or try least_squares"
         )
-    if report.zeros is not None:
-        unstable = report.zeros[np.abs(report.zeros) >= _SCHUR]
-        if len(unstable):
-            listed = ", ".join(f"{zero:.4g}" if zero.imag else f"{zero.real:.4g}" for zero in unstable)
-            noisy = " (noise moves them: try least_squares)" if behaviour.noise else ""
-            return f"no stable estimator exists: the record shows the zeros {listed}, expected modulus < 1{noisy}"
-    return None
+    mend = "no larger future shows it: more outputs are needed" if future is None else f"future {future} shows it"
+    return (
+        "condition (8) of I fails, U_f ker H is not 0: the input at t does not show in the outputs up to "
+        f"t + {report.delay} ({shown}); {mend}"
+    )
+
+
+def _unstable(zeros: NDArray[np.complex128], behaviour: Behaviour) -> str | None:
+    """Why no stable estimator exists; None when all zeros lie in the unit circle."""
+    unstable = zeros[np.abs(zeros) >= _SCHUR]
+    if not len(unstable):
+        return None
+    listed = ", ".join(f"{zero:.4g}" if zero.imag else f"{zero.real:.4g}" for zero in unstable)
+    noisy = " (noise moves them: try least_squares)" if behaviour.noise else ""
+    edge = "borderline: " if np.all(np.abs(unstable) < 1.0 + _CIRCLE) else ""
+    return f"{edge}no stable estimator exists: the record shows the zeros {listed}, expected modulus < 1{noisy}"
 
 
 def _open_loop(
@@ -189,15 +205,12 @@ def _gains(W: NDArray[np.float64], behaviour: Behaviour, windows: Windows) -> Ga
 
 
 def _closed_loop(gains: Gains, output_weight: float) -> tuple[Gains, str]:
-    """Dual LQR on (A_op, U2): L = A_op P U2' (R + U2 P U2')^-1."""
-    A_op, U2 = gains.A_op, gains.U2
-    R = output_weight * np.eye(len(U2))
-    try:
-        P = solve_discrete_are(A_op.T, U2.T, np.eye(len(A_op)), R)
-    except (np.linalg.LinAlgError, ValueError) as error:
-        return gains, f"no stabilising gain of cl-UIE is found ({error}): record with less noise or give the order"
-    L = np.linalg.solve(R + U2 @ P @ U2.T, U2 @ P @ A_op.T).T
-    return replace(gains, L=np.asarray(L, dtype=np.float64)), ""
+    """Dual LQR on (A_op, U2): L = A_op P U2' (R + U2 P U2')^-1, Q = I, R = output_weight I."""
+    n, p = len(gains.A_op), len(gains.U2)
+    L = filter_gain(gains.A_op, gains.U2, np.eye(n, n + p), np.sqrt(output_weight) * np.eye(p, n + p, k=n))
+    if L is None:
+        return gains, "no stabilising gain of cl-UIE is found: record with less noise or give the order"
+    return replace(gains, L=L), ""
 
 
 def _finish(

@@ -94,6 +94,13 @@ def cut_windows(history: History, past: int, future: int) -> Windows:
     )
 
 
+def hankel_of(history: History, depth: int) -> NDArray[np.float64]:
+    """[U; Y] of all windows of this depth without a gap, (depth (m + p), N)."""
+    parts = [np.vstack([_hankel(one.u, depth), _hankel(one.y, depth)]) for one in history.experiments]
+    stacked = np.hstack(parts)
+    return np.asarray(stacked[:, np.isfinite(stacked).all(axis=0)])
+
+
 def _hankel(signal: NDArray[np.float64], depth: int) -> NDArray[np.float64]:
     """(depth k, N) matrix whose column i stacks samples i … i + depth - 1 of a signal (T, k)."""
     columns = max(len(signal) - depth + 1, 0)

@@ -25,6 +25,19 @@ def invisible_below(behaviour: Behaviour) -> float:
     return max(_EXACT, behaviour.noise)
 
 
+def visibility(behaviour: Behaviour) -> float:
+    """Smallest singular value of H on the orthonormal trajectories; condition (8) of I fails at 0."""
+    if not behaviour.decided:
+        return 0.0
+    values = np.linalg.svd(behaviour.H, compute_uv=False)
+    return float(values[-1]) if len(values) == behaviour.rank else 0.0
+
+
+def invisible(behaviour: Behaviour) -> bool:
+    """Whether condition (8) fails as far as the record tells; not known without a decided rank."""
+    return behaviour.decided and visibility(behaviour) <= invisible_below(behaviour)
+
+
 def invariant_zeros(behaviour: Behaviour, past: int) -> NDArray[np.complex128]:
     """Invariant zeros shown by trajectories with zero output; needs a decided rank and condition (8)."""
     m = len(behaviour.u_now)
