@@ -25,6 +25,7 @@ _FEWEST = 2  # samples held back at least
 _WHOLE = 4  # from so many experiments on whole ones are held back, else the tail of each
 _EXACT = 1e-6  # shares of the spread: an error above is not exact, however ill the history is conditioned
 _LOST = 1e2  # digits that the algebra of a design loses: errors a hundred times the rounding of the samples
+_PEAKS = 3.0  # rounding to few digits grows with the signal: it is no Gaussian noise, and its peaks fall anywhere
 _SIGMAS = 6.0  # Gaussian noise crosses it in two samples of a billion
 
 
@@ -184,7 +185,7 @@ def rounding(tolerance: float, gain: float, trials: Sequence[Trial]) -> Allowanc
 
 
 def noise(seen: Sequence[Trial], unknowns: int, exact: Allowance, stated: Allowance | None = None) -> Allowance:
-    """What noise allows: six standard deviations of what the seen samples show, or of the stated noise.
+    """What noise allows: six standard deviations of what the seen samples show, three times their peak, or as stated.
 
     Args:
         seen: trials on the samples that the design fitted, scaled.
@@ -194,7 +195,10 @@ def noise(seen: Sequence[Trial], unknowns: int, exact: Allowance, stated: Allowa
     """
     error, residual = (np.vstack([getattr(one, name) for one in seen]) for name in ("error", "residual"))
     widened = _SIGMAS * np.sqrt(len(residual) / max(len(residual) - unknowns, 1))
-    levels = [widened * np.sqrt(np.mean(table**2, axis=0)) for table in (error, residual)]
+    levels = [
+        np.maximum(widened * np.sqrt(np.mean(table**2, axis=0)), _PEAKS * np.max(np.abs(table), axis=0, initial=0.0))
+        for table in (error, residual)
+    ]
     basis = "the noise on the samples seen"
     if stated is not None:
         levels = [np.maximum(levels[0], _SIGMAS * stated.error), np.maximum(levels[1], _SIGMAS * stated.residual)]

@@ -212,7 +212,7 @@ def _from_outputs(history: History, generator: np.random.Generator) -> History:
         past = [signal for lag in range(lags) for signal in (outputs[step + lag], inputs[step + lag])]
         outputs.append(np.concatenate(past) @ theta)
     none = np.empty((SAMPLES, 0))
-    return History((Experiment(none, np.array(outputs), none, T_S, inputs),), T_S)
+    return History((Experiment(none, np.array(outputs), none, T_S, inputs),), T_S, comparable=True)
 
 
 def _measured(problem: Problem, history: History, std: float, generator: np.random.Generator) -> float:

@@ -250,7 +250,7 @@ def _record(samples: int, outputs: int, generator: np.random.Generator) -> Histo
     for d in np.array([11.0, 50.0]) + generator.uniform(-1.0, 1.0, (samples - 1, 2)):
         rows.append(A @ rows[-1] + E @ d)
     x = np.array(rows)
-    return History((Experiment(np.zeros((samples, 0)), x[:, :outputs], x),), T_S)
+    return History((Experiment(np.zeros((samples, 0)), x[:, :outputs], x),), T_S, comparable=True)
 
 
 def _page_gamma(made: DelayedDesign, model: Model) -> float:

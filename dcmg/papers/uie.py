@@ -187,7 +187,7 @@ def _trajectory(
 
 def _record(u: NDArray[np.float64], y: NDArray[np.float64]) -> History:
     """A record without states; the paper's time has no unit, so one step lasts 1 s."""
-    return History((Experiment(u, y, np.empty((len(u), 0))),), 1.0)
+    return History((Experiment(u, y, np.empty((len(u), 0))),), 1.0, comparable=True)
 
 
 def _reconstruct(made: InputDesign, y: NDArray[np.float64]) -> NDArray[np.float64]:

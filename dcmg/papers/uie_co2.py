@@ -177,7 +177,11 @@ def _reconstruct(people: NDArray[np.float64], co2: NDArray[np.float64]) -> tuple
     split = RECORDED_DAYS * DAY
     above = (co2 - np.percentile(co2[:split], 5.0))[:, None]
     record = Experiment(people[:split, None], above[:split], np.empty((split, 0)))
-    made = design("cl_uie", History((record,), PERIOD_SEC), {"past": PAST, "future": FUTURE, "fit": "least_squares"})
+    made = design(
+        "cl_uie",
+        History((record,), PERIOD_SEC, comparable=True),
+        {"past": PAST, "future": FUTURE, "fit": "least_squares"},
+    )
     if made.observer is None:
         raise TypeError(made.verdict)
     working, found = _working(len(co2)), np.zeros(len(co2))

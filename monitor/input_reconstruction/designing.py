@@ -2,25 +2,26 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass as checked_dataclass
-from scipy.linalg import null_space
 
 from monitor.certificate import Certificate
 from monitor.errors import HistoryError, MonitorError
-from monitor.input_reconstruction.poles import Solutions, place
+from monitor.input_reconstruction.proving import Claim, prove_inputs
 from monitor.input_reconstruction.realisation import Gains, realise
 from monitor.input_reconstruction.report import InputDesign, InputReport
 from monitor.input_reconstruction.sizes import Sizes, fit_windows, larger_future
+from monitor.input_reconstruction.solving import Poles, corrected, least_norm, placed
 from monitor.input_reconstruction.uncertainty import noise_gain
 from monitor.input_reconstruction.zeros import invariant_zeros, invisible, visibility
 from monitor.options import parse_options
-from monitor.riccati import filter_gain
+from monitor.proof import hold_back
+from monitor.scaling import norms, spreads
 from monitor.sight import measure_dynamics, measure_residual
 from monitor.wording import sees
 
@@ -32,18 +33,12 @@ if TYPE_CHECKING:
     from monitor.history import History
     from monitor.input_reconstruction.behaviour import Behaviour
     from monitor.input_reconstruction.windows import Windows
+    from monitor.scaling import Scaling
 
 OPEN_LOOP = "op_uie"
 CLOSED_LOOP = "cl_uie"
 _SCHUR = 1.0 - 1e-9
 _CIRCLE = 1e-6  # zeros this close to the unit circle are borderline
-
-
-class Poles(Enum):
-    """How op-UIE picks one of all solutions."""
-
-    MINIMUM_NORM = "minimum_norm"
-    LMI = "lmi"
 
 
 class Fit(Enum):
@@ -79,6 +74,34 @@ class InputOptions:
     output_weight: float = Field(default=1.0, gt=0.0)
     threshold: float = Field(default=1e-3, gt=0.0)
 
+    @property
+    def sizes(self) -> Sizes:
+        """What is said about the windows."""
+        return Sizes(
+            past=self.past,
+            future=self.future,
+            order=self.order,
+            tolerance=self.relative_tolerance,
+            truncated=self.fit is Fit.TRUNCATED,
+        )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Record:
+    """The record in two parts and its windows; the windows are in the units in which norms are taken."""
+
+    history: History
+    spread: Scaling
+    norm: Scaling
+    windows: Windows
+    behaviour: Behaviour
+
+    @property
+    def claim(self) -> tuple[bool, int, int]:
+        """Whether the windows are exact, the directions that they span, and the windows beyond those."""
+        exact = self.behaviour.decided and not self.behaviour.noise
+        return exact, self.behaviour.rank, self.windows.columns - self.behaviour.rank
+
 
 def design(kind: str, history: History, options: Mapping[str, object]) -> InputDesign:
     """Design an estimator of unknown inputs from a record in which they are known; a refusal is a value.
@@ -94,49 +117,21 @@ def design(kind: str, history: History, options: Mapping[str, object]) -> InputD
     if kind not in {OPEN_LOOP, CLOSED_LOOP}:
         raise MonitorError(f"input reconstruction is {kind!r}, expected one of {CLOSED_LOOP}, {OPEN_LOOP}")
     chosen = parse_options(InputOptions, options, kind)
-    sizes = Sizes(
-        past=chosen.past,
-        future=chosen.future,
-        order=chosen.order,
-        tolerance=chosen.relative_tolerance,
-        truncated=chosen.fit is Fit.TRUNCATED,
-    )
+    seen = hold_back(history).seen
+    spread = spreads(seen)
+    norm = norms(seen, spread)
+    scaled = norm.scaled(seen)
     try:
-        windows, behaviour = fit_windows(history, sizes)
+        windows, behaviour = fit_windows(scaled, chosen.sizes)
     except HistoryError as error:
         return _refused(kind, InputReport(past=chosen.past or 0, delay=0, columns=0, dropped=0), str(error))
     report = _report(windows, behaviour)
     if invisible(behaviour):
-        return _refused(kind, report, _unseen(report, behaviour, larger_future(history, sizes, windows)))
+        return _refused(kind, report, _unseen(report, behaviour, larger_future(scaled, chosen.sizes, windows)))
     if report.zeros is not None and (reason := _unstable(report.zeros, behaviour)):
         return _refused(kind, report, reason)
-    return _design(kind, windows, behaviour, chosen, report, history.sampling_period_sec)
-
-
-def _design(
-    kind: str,
-    windows: Windows,
-    behaviour: Behaviour,
-    options: InputOptions,
-    report: InputReport,
-    sampling_period_sec: float,
-) -> InputDesign:
-    """Solve for the gains once condition (8) and the zeros are checked."""
-    W0 = behaviour.u_now @ np.linalg.pinv(behaviour.H, rcond=options.relative_tolerance)
-    zeros = None if report.zeros is None else float(np.max(np.abs(report.zeros), initial=0.0))
-    if kind == OPEN_LOOP:
-        chosen = _open_loop(W0, behaviour, windows, options, zeros)
-        if chosen is None:
-            return _refused(kind, report, "the LMI of I, (16) finds no stable op-UIE: use cl_uie")
-        gains = _gains(chosen, behaviour, windows)
-    else:
-        gains, failure = _closed_loop(_gains(W0, behaviour, windows), options.output_weight)
-        if failure:
-            return _refused(kind, report, failure)
-    u_now = np.linalg.norm(windows.u_now)
-    misfit = windows.u_now - np.hstack([gains.U1, gains.Y1]) @ windows.H
-    report = replace(report, fit=float(np.linalg.norm(misfit) / u_now))
-    return _finish(kind, gains, report, options, sampling_period_sec)
+    record = _Record(history=history, spread=spread, norm=norm, windows=windows, behaviour=behaviour)
+    return _solve(kind, record, report, chosen)
 
 
 def _report(windows: Windows, behaviour: Behaviour) -> InputReport:
@@ -153,14 +148,11 @@ def _report(windows: Windows, behaviour: Behaviour) -> InputReport:
     if not behaviour.decided:
         return report
     report = replace(report, visibility=visibility(behaviour))
-    if invisible(behaviour):
-        return report
-    return replace(report, zeros=invariant_zeros(behaviour, windows.past))
+    return report if invisible(behaviour) else replace(report, zeros=invariant_zeros(behaviour, windows.past))
 
 
 def _unseen(report: InputReport, behaviour: Behaviour, future: int | None) -> str:
     """Condition (8) fails, as far as the record tells, and what would mend it."""
-    shown = f"visibility {report.visibility:.1g}"
     if behaviour.noise:
         return (
             f"condition (8) of I cannot be told from noise: the input at t shows as {report.visibility:.1g} in the "
@@ -169,7 +161,7 @@ def _unseen(report: InputReport, behaviour: Behaviour, future: int | None) -> st
     mend = "no larger future shows it: more outputs are needed" if future is None else f"future {future} shows it"
     return (
         "condition (8) of I fails, U_f ker H is not 0: the input at t does not show in the outputs up to "
-        f"t + {report.delay} ({shown}); {mend}"
+        f"t + {report.delay} (visibility {report.visibility:.1g}); {mend}"
     )
 
 
@@ -184,66 +176,66 @@ def _unstable(zeros: NDArray[np.complex128], behaviour: Behaviour) -> str | None
     return f"{edge}no stable estimator exists: the record shows the zeros {listed}, expected modulus < 1{noisy}"
 
 
-def _open_loop(
-    W0: NDArray[np.float64], behaviour: Behaviour, windows: Windows, options: InputOptions, zeros: float | None
-) -> NDArray[np.float64] | None:
-    """The solution [U1 Y1] that the options ask for."""
-    if options.poles is Poles.MINIMUM_NORM:
-        return W0
-    left_null: NDArray[np.float64] = null_space(behaviour.H.T, rcond=options.relative_tolerance)
-    return place(Solutions(W0=W0, N=left_null.T, past_inputs=windows.past * windows.inputs), zeros or 0.0)
+def _solve(kind: str, record: _Record, report: InputReport, options: InputOptions) -> InputDesign:
+    """Choose the gains once condition (8) and the zeros are checked."""
+    windows, behaviour = record.windows, record.behaviour
+    found: Gains | None = least_norm(behaviour, windows, options.relative_tolerance)
+    assert found is not None  # noqa: S101 - a pseudo-inverse always is
+    if kind == CLOSED_LOOP:
+        found = corrected(found, options.output_weight)
+        if found is None:
+            reason = "no stabilising gain of cl-UIE is found: record with less noise or give the order"
+            return _refused(kind, report, reason)
+    elif options.poles is Poles.LMI:
+        fastest = 0.0 if report.zeros is None else float(np.max(np.abs(report.zeros), initial=0.0))
+        found = placed(found, behaviour, windows, options.relative_tolerance, fastest)
+        if found is None:
+            return _refused(kind, report, "the LMI of I, (16) finds no stable op-UIE: use cl_uie")
+    misfit = windows.u_now - np.hstack([found.U1, found.Y1]) @ windows.H
+    fit = float(np.linalg.norm(misfit) / np.linalg.norm(windows.u_now))
+    return _finish(kind, found, record, replace(report, fit=fit), options)
 
 
-def _gains(W: NDArray[np.float64], behaviour: Behaviour, windows: Windows) -> Gains:
-    """Add the prediction of y_t-1 from z and the outputs before it: [U2 Y2] = Y_row [U_p; Y_past]^+."""
-    inputs, p = windows.past * windows.inputs, windows.outputs
-    prediction = behaviour.H_past[-p:] @ np.linalg.pinv(behaviour.H_past[:-p], rcond=1e-10)
-    U1, Y1 = np.split(W, [inputs], axis=1)
-    U2, Y2 = np.split(prediction, [inputs], axis=1)
-    L = np.zeros((inputs, p))
-    return Gains(U1=U1, Y1=Y1, U2=U2, Y2=Y2, L=L, past=windows.past, future=windows.future)
-
-
-def _closed_loop(gains: Gains, output_weight: float) -> tuple[Gains, str]:
-    """Dual LQR on (A_op, U2): L = A_op P U2' (R + U2 P U2')^-1, Q = I, R = output_weight I."""
-    n, p = len(gains.A_op), len(gains.U2)
-    L = filter_gain(gains.A_op, gains.U2, np.eye(n, n + p), np.sqrt(output_weight) * np.eye(p, n + p, k=n))
-    if L is None:
-        return gains, "no stabilising gain of cl-UIE is found: record with less noise or give the order"
-    return replace(gains, L=L), ""
-
-
-def _finish(
-    kind: str, gains: Gains, report: InputReport, options: InputOptions, sampling_period_sec: float
-) -> InputDesign:
-    """Measure the running form; refuse it when it is not stable."""
-    observer = realise(gains)
+def _finish(kind: str, gains: Gains, record: _Record, report: InputReport, options: InputOptions) -> InputDesign:
+    """Measure the running form; refuse it when it is not stable or does not hold on unseen windows."""
     strategy = options.poles.value if kind == OPEN_LOOP else "dual_lqr"
-    dynamics = measure_dynamics(gains.A_z, strategy, report.fit or 0.0, sampling_period_sec)
+    dynamics = measure_dynamics(gains.A_z, strategy, report.fit or 0.0, record.history.sampling_period_sec)
     radius = dynamics.spectral_radius
     if radius >= _SCHUR:
-        return _refused(
-            kind,
-            report,
-            f"{strategy} is not stable: spectral radius {radius:.4g}, expected < 1; try poles lmi or cl_uie",
-        )
-    report = replace(report, noise_gain=noise_gain(observer))
-    matrices = {name: getattr(gains, name) for name in ("U1", "Y1", "U2", "Y2", "L", "A_op")}
-    verdict = (
-        f"accepted: reconstructs {len(gains.U1)} inputs {report.delay} steps late; errors shrink to 1 % in "
-        f"{dynamics.convergence_steps} steps (radius {radius:.3g}); rank {report.rank_basis}"
+        mend = "expected < 1; try poles lmi or cl_uie"
+        return _refused(kind, report, f"{strategy} is not stable: spectral radius {radius:.4g}, {mend}")
+    spread, norm = record.spread, record.norm
+    final = gains.in_units(norm.u, norm.y)
+    observer = realise(final)
+    exact, unknowns, spare = record.claim
+    proof = prove_inputs(
+        realise(final.in_units(1.0 / spread.u, 1.0 / spread.y)),
+        gains,
+        hold_back(record.history, gains.past + gains.future - 1),
+        spread,
+        Claim(exact=exact, unknowns=unknowns, spare_columns=spare, tolerance=options.relative_tolerance),
     )
-    residual = measure_residual(observer, np.full(observer.outputs, options.threshold))
+    residual = measure_residual(realise(gains), np.full(observer.outputs, options.threshold), norm.y)
+    report = replace(report, noise_gain=noise_gain(observer))
     certificate = Certificate(
         kind=kind,
-        accepted=True,
-        verdict=f"{verdict}; residual: {sees(residual)}",
+        accepted=proof.holds,
+        verdict=f"refused: {proof.refusal()}",
         lag=observer.lag,
         method=report,
         dynamics=dynamics,
         residual=residual,
-        matrices=matrices,
+        proof=proof,
+        matrices={name: getattr(final, name) for name in ("U1", "Y1", "U2", "Y2", "L", "A_op")},
     )
+    if not proof.holds:
+        return InputDesign(kind=kind, observer=None, certificate=certificate, report=report)
+    verdict = (
+        f"accepted: reconstructs {len(gains.U1)} inputs {report.delay} steps late; errors shrink to 1 % in "
+        f"{dynamics.convergence_steps} steps (radius {radius:.3g}); rank {report.rank_basis}; "
+        f"residual: {sees(residual)}; {proof.words()}"
+    )
+    certificate = replace(certificate, verdict=verdict)
     return InputDesign(kind=kind, observer=observer, certificate=certificate, report=report)
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -60,6 +60,18 @@ class Gains:
         """(p, (past + future) p): y_t-1 - Y2 y_past as a function of d_y."""
         p = len(self.U2)
         return np.hstack([-self.Y2, np.eye(p), np.zeros((p, self.future * p))])
+
+    def in_units(self, u: NDArray[np.float64], y: NDArray[np.float64]) -> Gains:
+        """The same for signals u (m,) and y (p,) times larger."""
+        z, d_y = np.tile(u, self.past), np.tile(y, self.past + self.future)
+        return replace(
+            self,
+            U1=u[:, None] * self.U1 / z,
+            Y1=u[:, None] * self.Y1 / d_y,
+            U2=y[:, None] * self.U2 / z,
+            Y2=y[:, None] * self.Y2 / np.tile(y, self.past - 1),
+            L=z[:, None] * self.L / y,
+        )
 
 
 def realise(gains: Gains) -> LinearObserver:

@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
 _PREFERRED = 5  # N_ini of I
 _LONGEST = 40  # windows that are tried when nothing is said
+_LONGER = 6  # so much longer ones are tried where noise hides the order
 _CLEAR = 1e-4  # a visibility above it needs no larger future
 _ALIKE = 2.0  # misfits of least squares within this factor are alike
 
@@ -115,23 +116,34 @@ def larger_future(history: History, sizes: Sizes, windows: Windows) -> int | Non
 def _long_enough(history: History, sizes: Sizes, past: int) -> tuple[Windows, Behaviour]:
     """Windows of this `past`, longer ones where noise hides the lag and shorter ones do not show the whole order."""
     windows, behaviour = _with_future(history, sizes, past)
-    while behaviour.order is not None and not _confirmed(history, sizes, past, behaviour):
-        if sizes.past is not None:
+    if not sizes.truncated or _confirmed(history, sizes, past, behaviour):
+        return windows, behaviour
+    for longer in range(past + 1, past + _LONGER):
+        try:
+            found = _with_future(history, sizes, longer)
+        except HistoryError:
+            break
+        if found[1].decided and _confirmed(history, sizes, longer, found[1]):
+            if sizes.past is None:
+                return found
             raise HistoryError(
-                f"past is {past}, too short: windows of {past} samples show order {behaviour.order}, those of "
-                f"{past - 1} do not; expected past >= {behaviour.order + 1}"
+                f"past is {past}, too short: windows of {longer} samples show order {found[1].order}, those of {past} "
+                f"and {past - 1} do not; expected past >= {longer}"
             )
-        past += 1
-        windows, behaviour = _with_future(history, sizes, past)
+    if behaviour.decided:
+        raise HistoryError(
+            f"past is {past}, too short: windows of {past} samples show order {behaviour.order}, those of {past - 1} "
+            f"do not; expected past >= {(behaviour.order or 0) + 1}"
+        )
     return windows, behaviour
 
 
 def _confirmed(history: History, sizes: Sizes, past: int, behaviour: Behaviour) -> bool:
-    """Whether windows that are one sample shorter show the same order."""
-    order = behaviour.order or 0
-    return past > order or shows_order(
-        hankel_of(history, past - 1), (past - 1) * history.inputs + order, sizes.tolerance
-    )
+    """Whether the order is decided, and windows that are one sample shorter show the same one."""
+    if behaviour.order is None:
+        return False
+    order, shorter = behaviour.order, past - 1
+    return past > order or shows_order(hankel_of(history, shorter), shorter * history.inputs + order, sizes.tolerance)
 
 
 def _with_future(history: History, sizes: Sizes, past: int) -> tuple[Windows, Behaviour]:

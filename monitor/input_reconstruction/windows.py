@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from monitor.history import History
 
+_SPARE = 2  # windows beyond the rows of [U_p; u_t; Y], which fit anything
 _RANK = 1e-10  # relative: an input direction below it was never excited
 
 
@@ -109,6 +110,7 @@ def _hankel(signal: NDArray[np.float64], depth: int) -> NDArray[np.float64]:
 
 def _check_length(columns: int, rows: int, dropped: int, length: int) -> None:
     """Refuse a record with fewer windows than rows of [U_p; u_t; Y]: anything fits so few."""
+    rows += _SPARE
     if columns < rows:
         gaps = f" ({dropped} more hold NaN or infinite values)" if dropped else ""
         raise HistoryError(

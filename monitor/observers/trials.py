@@ -65,6 +65,13 @@ def _run_linear(
         z = observer.Z @ v[0]
     else:
         z = right_start(observer, one)
+    return run_linear(observer, v, z)
+
+
+def run_linear(
+    observer: LinearObserver, v: NDArray[np.float64], z: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Estimates (T, n) and residuals (T, p) for what is received, v (T, m + p), from the state z before it."""
     driven, states = v @ observer.B.T, np.empty((len(v), observer.order))
     for step, push in enumerate(driven):
         states[step] = z

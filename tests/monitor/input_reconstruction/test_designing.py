@@ -33,7 +33,8 @@ def record(plant: Plant, generator: np.random.Generator, samples: int = 80, nois
     """A record of random inputs from a random start."""
     u = generator.uniform(-1.0, 1.0, (samples, plant[1].shape[1]))
     y = simulate(plant, u, generator.uniform(-1.0, 1.0, len(plant[0])))
-    return History((Experiment(u, y + noise * generator.standard_normal(y.shape), np.empty((samples, 0))),), 0.01)
+    noisy = Experiment(u, y + noise * generator.standard_normal(y.shape), np.empty((samples, 0)))
+    return History((noisy,), 0.01, comparable=True)
 
 
 def reconstruct(made: InputDesign, y: Floats) -> Floats:
@@ -219,8 +220,8 @@ def test_windows_with_gaps_are_dropped_and_experiments_stacked() -> None:
     first, second = (record(plant, np.random.default_rng(seed)).experiments[0] for seed in (1, 2))
     y = second.y.copy()
     y[30, 0] = np.nan
-    made = design("cl_uie", History((first, Experiment(second.u, y, second.x)), 0.01), {"past": 4})
-    whole = design("cl_uie", History((first,), 0.01), {"past": 4})
+    made = design("cl_uie", History((first, Experiment(second.u, y, second.x)), 0.01, comparable=True), {"past": 4})
+    whole = design("cl_uie", History((first,), 0.01, comparable=True), {"past": 4})
     assert made.report.dropped == 5  # windows of 5 samples that hold the missing one
     assert made.certificate.matrices is not None
     assert whole.certificate.matrices is not None
