@@ -15,7 +15,7 @@ from monitor.errors import HistoryError, MonitorError
 from monitor.input_reconstruction.proving import Claim, prove_inputs
 from monitor.input_reconstruction.realisation import Gains, realise
 from monitor.input_reconstruction.report import InputDesign, InputReport
-from monitor.input_reconstruction.sizes import Sizes, fit_windows, larger_future
+from monitor.input_reconstruction.sizes import Sizes, fit_windows, larger_future, without_zeros
 from monitor.input_reconstruction.solving import Poles, corrected, least_norm, placed
 from monitor.input_reconstruction.uncertainty import noise_gain
 from monitor.input_reconstruction.zeros import invariant_zeros, invisible, visibility
@@ -129,7 +129,14 @@ def design(kind: str, history: History, options: Mapping[str, object]) -> InputD
     if invisible(behaviour):
         return _refused(kind, report, _unseen(report, behaviour, larger_future(scaled, chosen.sizes, windows)))
     if report.zeros is not None and (reason := _unstable(report.zeros, behaviour)):
-        return _refused(kind, report, reason)
+        longer = without_zeros(scaled, chosen.sizes, windows, _SCHUR)
+        if longer is None:
+            return _refused(kind, report, reason)
+        if chosen.past is not None:
+            mend = f"past {windows.past} is too short, expected past >= {longer[0].past}"
+            return _refused(kind, report, f"windows show zeros that longer ones do not: {mend}")
+        windows, behaviour = longer
+        report = _report(windows, behaviour)
     record = _Record(history=history, spread=spread, norm=norm, windows=windows, behaviour=behaviour)
     return _solve(kind, record, report, chosen)
 

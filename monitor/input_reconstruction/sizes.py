@@ -16,7 +16,7 @@ import numpy as np
 from monitor.errors import HistoryError
 from monitor.input_reconstruction.behaviour import Behaviour, shows_order, truncate, untruncated
 from monitor.input_reconstruction.windows import Windows, cut_windows, hankel_of
-from monitor.input_reconstruction.zeros import invisible, visibility
+from monitor.input_reconstruction.zeros import invariant_zeros, invisible, visibility
 
 if TYPE_CHECKING:
     from monitor.history import History
@@ -110,6 +110,25 @@ def larger_future(history: History, sizes: Sizes, windows: Windows) -> int | Non
             return None
         if behaviour.decided and not invisible(behaviour):
             return future
+    return None
+
+
+def without_zeros(history: History, sizes: Sizes, windows: Windows, limit: float) -> tuple[Windows, Behaviour] | None:
+    """The shortest longer windows whose zeros all lie below the limit; None when none do within the order.
+
+    An input may leave no trace over a short window and show in a longer one; what leaves none over as many samples as
+    the plant has states never shows.
+    """
+    order = memory_of(history, sizes.tolerance).order or windows.past
+    for past in range(windows.past + 1, order + 2):
+        try:
+            found = _cut(history, sizes, past, windows.future)
+        except HistoryError:
+            return None
+        if not found[1].decided or invisible(found[1]):
+            return None
+        if np.max(np.abs(invariant_zeros(found[1], past)), initial=0.0) < limit:
+            return found
     return None
 
 

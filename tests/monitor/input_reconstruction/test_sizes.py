@@ -55,6 +55,7 @@ def lag_of(plant: Plant) -> int:
 
 @settings(max_examples=30, deadline=None, derandomize=True)
 @given(seed=st.integers(0, 10**6), n=st.integers(1, 6), p=st.integers(2, 3), past=st.integers(2, 7))
+@example(seed=1, n=6, p=2, past=2)  # windows of 4 show a zero at -2.04 that longer ones do not
 @example(seed=8, n=6, p=2, past=3)  # lag 3: accepted with an error of .09 when nobody looked
 def test_windows_that_do_not_exceed_the_lag_are_refused_and_longer_ones_are_right(
     seed: int, n: int, p: int, past: int
@@ -65,11 +66,12 @@ def test_windows_that_do_not_exceed_the_lag_are_refused_and_longer_ones_are_righ
     history, lag = record(plant, generator, 150), lag_of(plant)
     assert memory_of(history, 1e-10).lag == lag
     made = design("cl_uie", history, {"past": past})
-    assert ("too short" in made.verdict) == (past <= lag), made.verdict
-    if not made.accepted:
-        found = re.search(r"past >= (\d+)", made.verdict)
-        assert found is not None, made.verdict
-        made = design("cl_uie", history, {"past": int(found[1])})
+    assert past > lag or "too short" in made.verdict, made.verdict
+    for _ in range(2):  # too short for the state, then for inputs that leave no trace over a short window
+        if not made.accepted:
+            found = re.search(r"past >= (\d+)", made.verdict)
+            assert found is not None, made.verdict
+            made = design("cl_uie", history, {"past": int(found[1])})
     assert made.observer is not None, made.verdict
     assert made.certificate.dynamics is not None
     assume(made.certificate.dynamics.spectral_radius < 0.9)
