@@ -16,7 +16,7 @@ unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH 
 unexport RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
 endif
 
-.PHONY: help demo test lint bench colcon install clean FORCE
+.PHONY: help demo test lint fuzz bench colcon install clean FORCE
 .DELETE_ON_ERROR:
 
 help: ## this list
@@ -34,6 +34,10 @@ lint: install ## import contracts, ruff, formatting, mypy --strict
 	@$(VENV)/bin/ruff check
 	@$(VENV)/bin/ruff format --check
 	@$(VENV)/bin/mypy
+
+MINUTES := 10
+fuzz: install ## random plants against every design, MINUTES=10 (docs/fuzz.md)
+	@$(PY) -m tests.fuzz.run --minutes $(MINUTES)
 
 bench: install ## measure the speed on this machine
 	@$(PY) -m pytest -m bench -s tests/bench

@@ -1,0 +1,80 @@
+"""Delayed observers that promise a bound: does the error stay within it while unknown inputs are as in the record?
+
+The unknown input is measured by our own regression: what is left of X_f once [X_p; U_p; 1] is taken off, whitened; its
+largest norm over the record is 1.
+"""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from tests.fuzz.judge import Outcome
+from tests.fuzz.oracle import effective
+
+if TYPE_CHECKING:
+    from numpy.typing import NDArray
+
+    from monitor.observers import Design
+    from tests.fuzz.plants import Plant
+    from tests.fuzz.recordings import Recording
+
+    Floats = NDArray[np.float64]
+
+_STEPS = 500
+_SLOWEST = 0.97  # of the error dynamics: 0.97**300 = 1e-4 of the first error is left
+_LEFT = 1.02  # what that may add to a bound
+
+
+def bounded_outcome(
+    plant: Plant, recording: Recording, made: Design, generator: np.random.Generator
+) -> tuple[Outcome, str]:
+    """Run 500 steps with inputs like those of the record and hold errors and residuals against the bounds."""
+    guarantee, observer = made.certificate.guarantee, made.observer
+    assert guarantee is not None
+    assert observer is not None
+    if guarantee.decay >= 1.0:
+        return Outcome.WRONG, f"unstable: {made.verdict}"
+    if plant.radius > 0.999 or guarantee.decay > _SLOWEST or recording.quality in {"noise", "single"}:
+        return Outcome.OPEN, f"bound not tried: {made.verdict}"
+    u = recording.known * generator.uniform(-1.0, 1.0, (_STEPS, plant.sizes[1]))
+    d = recording.mean + recording.size * np.sign(generator.uniform(-1.0, 1.0, (_STEPS, plant.sizes[2])))
+    y, x = plant.run(generator.uniform(-1.0, 1.0, len(plant.A)), u, d)
+    units = recording.units
+    size = _size_of_inputs(plant, recording, u, x)
+    state, worst, moved = observer.init((u[0] * units.u).tolist(), (y[0] * units.y).tolist()), 0.0, np.zeros(len(y[0]))
+    for step in range(_STEPS):
+        state, output = observer.step(state, (u[step] * units.u).tolist(), (y[step] * units.y).tolist())
+        if step >= _STEPS * 3 // 5:
+            error = np.array(output.estimate, dtype=float) - x[step - observer.lag] * units.x
+            worst = max(worst, float(np.linalg.norm(error)))
+            moved = np.maximum(moved, np.abs(np.array(output.residual, dtype=float)))
+    bound = min(guarantee.bound, guarantee.response_bound) * size
+    rounding = 1e-6 * float(np.linalg.norm(np.max(np.abs(x), axis=0) * units.x))
+    told = f"error {worst:.3g}, bound {bound:.3g} for inputs of size {size:.3g}: {made.verdict}"
+    if worst > _LEFT * bound + rounding:
+        return Outcome.WRONG, f"above its bound: {told}"
+    limits = np.full(len(moved), np.inf) if guarantee.residual_bound is None else guarantee.residual_bound * size
+    if np.any(moved > _LEFT * limits + 1e-6 * np.max(np.abs(y), axis=0) * units.y):
+        return Outcome.WRONG, f"residual {moved} above its bound {limits}: {told}"
+    return Outcome.RIGHT, told
+
+
+def _size_of_inputs(plant: Plant, recording: Recording, u: Floats, x: Floats) -> float:
+    """Largest norm of the unknown input of a run, in units of the largest one of the record."""
+    pairs = [
+        (np.hstack([x_[:-1], u_[:-1], np.ones((len(x_) - 1, 1))])[kept], x_[1:][kept])
+        for (u_, x_, _), whole in zip(recording.tables, recording.whole, strict=False)
+        for kept in [whole[:-1] & whole[1:]]
+    ]
+    V, F = (np.vstack([pair[side] for pair in pairs]) for side in (0, 1))
+    Theta = np.linalg.lstsq(V, F, rcond=None)[0]
+    rank = int(np.linalg.matrix_rank(effective(plant)[0])) if plant.E.size else 0
+    if not rank:
+        return 0.0
+    _, values, right = np.linalg.svd(F - V @ Theta, full_matrices=False)
+    whiten = right[:rank].T / values[:rank]
+    recorded = np.max(np.linalg.norm((F - V @ Theta) @ whiten, axis=1))
+    fresh = x[1:] - np.hstack([x[:-1], u[:-1], np.ones((len(x) - 1, 1))]) @ Theta
+    return float(np.max(np.linalg.norm(fresh @ whiten, axis=1)) / recorded)

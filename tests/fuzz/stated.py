@@ -1,0 +1,16 @@
+"""The figure that a design states about itself: what it was off by on samples that it had not seen."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from monitor.certificate import Certificate
+
+
+def stated_error(certificate: Certificate) -> float | None:
+    """Largest error or residual on unseen samples, in shares of the signals' spread; None where none is stated."""
+    proof = certificate.proof
+    if proof is None:
+        return None
+    return max(proof.worst_error or 0.0, proof.worst_residual or 0.0)
