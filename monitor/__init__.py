@@ -1,4 +1,4 @@
-"""Monitors that know nothing but data: histories, observers designed from them, detectors, metrics."""
+"""Monitors that know nothing but data: histories, observers designed from them, detectors, measures."""
 
 from importlib import import_module
 from typing import TYPE_CHECKING
@@ -8,7 +8,6 @@ if TYPE_CHECKING:
     from monitor.errors import HistoryError, MonitorError
     from monitor.history import DataMatrices, Experiment, History, data_matrices
     from monitor.link_monitor import LinkMonitor, MonitorOutput, MonitorState
-    from monitor.metrics import LinkMetrics, link_metrics
 
 __all__ = [
     "Certificate",
@@ -16,13 +15,11 @@ __all__ = [
     "Experiment",
     "History",
     "HistoryError",
-    "LinkMetrics",
     "LinkMonitor",
     "MonitorError",
     "MonitorOutput",
     "MonitorState",
     "data_matrices",
-    "link_metrics",
 ]
 
 _NAMES = {
@@ -30,7 +27,6 @@ _NAMES = {
     "monitor.errors": ("HistoryError", "MonitorError"),
     "monitor.history": ("DataMatrices", "Experiment", "History", "data_matrices"),
     "monitor.link_monitor": ("LinkMonitor", "MonitorOutput", "MonitorState"),
-    "monitor.metrics": ("LinkMetrics", "link_metrics"),
 }
 _WHERE = {name: module for module, names in _NAMES.items() for name in names}
 

@@ -6,9 +6,12 @@ from pathlib import Path
 from typing import Any
 
 from bags.golden.examples import EXAMPLES, result_of, write_example
-from bags.reporting.report import summary
+from bags.reporting.documents import run_document
+from bags.reporting.judged import judge
+from bags.reporting.timeline import gather
 from bags.runs.offline import simulate_to_bag
 from bags.runs.reader import read_run
+from bags.runs.run_record import RunRecord
 from dgu_sim.scenario import load_scenario
 
 _FOLDER = Path(__file__).parent
@@ -103,7 +106,13 @@ def record_golden(folder: Path = _FOLDER) -> tuple[Path, ...]:
 def _record_run(name: str, path: Path) -> dict[str, Any]:
     scenario, overrides = GOLDEN[name]
     simulate_to_bag(load_scenario(_FOLDER / scenario, (f"name={name}", *overrides)), path)
-    document = summary(read_run(path)).document()
+    return result_of_run(read_run(path))
+
+
+def result_of_run(record: RunRecord) -> dict[str, Any]:
+    """The rows of a run, without the path of its bag."""
+    timeline = gather([record], record.steps)
+    document = run_document(timeline, judge(timeline))
     del document["bag"]
     return document
 

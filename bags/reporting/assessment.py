@@ -7,16 +7,12 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from bags.reporting.alarm_sources import MAIN, VERDICT
-from bags.reporting.attacks import Attack
+from bags.reporting.judged import AttackRow, Judged, LinkRow, Masks, judge, seen_by
 from bags.reporting.options import ReportOptions
 from bags.reporting.timeline import Timeline
-from dgu_sim.grid import Link
-from monitor.detectors import Phase
 from monitor.measures import (
     AlarmRates,
     Batadal,
-    Episode,
     Estimate,
     EstimateErrors,
     GridImpact,
@@ -25,14 +21,11 @@ from monitor.measures import (
     Roc,
     alarm_rates,
     batadal,
-    detect,
     estimate_errors,
     impact_of,
     isolation,
     missed_rate,
-    quiet_steps,
     roc,
-    under_attack,
 )
 
 IMPACTS: Mapping[str, str] = {
@@ -48,9 +41,7 @@ class LinkAssessment:
     """One directed link.
 
     Attributes:
-        link: The link.
-        monitored: Whether it has an observer.
-        episodes: Attacks on it.
+        row: What its monitor said.
         rates: Alarms.
         roc: Of its residual, None unless it was attacked.
         batadal: Score.
@@ -59,9 +50,7 @@ class LinkAssessment:
         attacked_errors: Under attack: what the lie does to who believes it.
     """
 
-    link: Link
-    monitored: bool
-    episodes: tuple[Episode, ...]
+    row: LinkRow
     rates: AlarmRates
     roc: Roc | None
     batadal: Batadal
@@ -76,16 +65,12 @@ class AttackAssessment:
     """One attack, on however many links.
 
     Attributes:
-        attack: What it was.
-        episode: Its detection: the first alarm on any of its links.
-        accused: Links that alarmed while it ran.
+        row: What became of it.
         impact: By the keys of IMPACTS; none without truth.
         unanswered: What it would have been without a response; none when that is not known.
     """
 
-    attack: Attack
-    episode: Episode
-    accused: tuple[Link, ...]
+    row: AttackRow
     impact: Mapping[str, Impact]
     unanswered: Mapping[str, Impact]
 
@@ -99,7 +84,6 @@ class Overall:
         missed: Share of the attacks that no attacked link showed.
         delay_sec: Mean time to detection of the attacks that were seen [s]; NaN when none was.
         rates: Over the samples of all links.
-        roc: Over the samples of all links, for the residual only.
         batadal: Over the attacks and the samples of all links.
         isolation: Which links were accused for which.
     """
@@ -107,7 +91,6 @@ class Overall:
     missed: Estimate
     delay_sec: float
     rates: AlarmRates
-    roc: Roc | None
     batadal: Batadal
     isolation: Isolation
 
@@ -119,19 +102,30 @@ class Assessment:
 
     Attributes:
         options: Choices behind the numbers.
-        main: The source of alarms that links and attacks are judged by: the verdict where there is one.
+        judged: The rows of its attacks and links.
         links: In the order of the run's links.
-        attacks: By start.
+        attacks: By start; only those that began.
         overall: By source of alarms.
         unanswered: How far the grid would have been from its goals if no DGU had acted on a verdict; None: not known.
     """
 
     options: ReportOptions
-    main: str
+    judged: Judged
     links: tuple[LinkAssessment, ...]
     attacks: tuple[AttackAssessment, ...]
     overall: Mapping[str, Overall]
     unanswered: GridImpact | None
+
+    @property
+    def main(self) -> str:
+        """The source of alarms that links and attacks are judged by."""
+        return self.judged.main
+
+    @property
+    def hardest(self) -> LinkAssessment | None:
+        """The attacked link whose residual tells attacked from quiet samples worst; links are not pooled."""
+        scored = [one for one in self.links if one.roc is not None]
+        return min(scored, key=lambda one: one.roc.area.value if one.roc else 0.0, default=None)
 
 
 def assess(timeline: Timeline, options: ReportOptions, unanswered: GridImpact | None = None) -> Assessment:
@@ -142,77 +136,29 @@ def assess(timeline: Timeline, options: ReportOptions, unanswered: GridImpact | 
         options: Choices behind the measures.
         unanswered: What became of the grid when no DGU acted on a verdict.
     """
-    masks = _Masks.of(timeline, options)
-    main = VERDICT if VERDICT in timeline.alarms else MAIN
-    alarm = timeline.alarms.get(main, np.zeros(masks.attacked.shape, dtype=np.bool_))
+    judged = judge(timeline, options)
+    began = [row for row in judged.attacks if row.attack.began]
     return Assessment(
         options=options,
-        main=main,
-        links=tuple(_link(timeline, masks, position, alarm) for position in range(len(timeline.run.links))),
+        judged=judged,
+        links=tuple(_link(timeline, judged, position, options) for position in range(len(judged.links))),
         unanswered=unanswered,
-        attacks=tuple(_attack(timeline, attack, alarm, masks, unanswered) for attack in timeline.attacks),
-        overall={
-            name: _overall(timeline, alarms, masks, options, scored=name == MAIN)
-            for name, alarms in timeline.alarms.items()
-        },
+        attacks=tuple(_attack(timeline, row, unanswered, options) for row in began),
+        overall={name: _overall(timeline, alarms, judged.masks, options) for name, alarms in timeline.alarms.items()},
     )
 
 
-@final
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Masks:
-    """Which samples count as what, shape (steps, links), and the lags of the monitors."""
-
-    attacked: NDArray[np.bool_]
-    quiet: NDArray[np.bool_]
-    block_steps: int
-    aftermath_steps: int
-    lags: tuple[int, ...]
-    period_sec: float
-    options: ReportOptions
-
-    @classmethod
-    def of(cls, timeline: Timeline, options: ReportOptions) -> "_Masks":
-        aftermath = round(options.aftermath_sec / timeline.period_sec)
-        shape = timeline.phase.shape
-        attacked, quiet = np.zeros(shape, dtype=np.bool_), np.zeros(shape, dtype=np.bool_)
-        for position, link in enumerate(timeline.run.links):
-            intervals = timeline.attack_intervals(link)
-            attacked[:, position] = under_attack(timeline.steps, intervals)
-            armed = timeline.phase[:, position] == Phase.ARMED.value
-            quiet[:, position] = quiet_steps(armed, intervals, aftermath)
-        designs = timeline.run.designs
-        return cls(
-            attacked=attacked,
-            quiet=quiet,
-            block_steps=options.block_steps(timeline.steps, timeline.period_sec),
-            aftermath_steps=aftermath,
-            lags=tuple(designs[link].lag if link in designs else 0 for link in timeline.run.links),
-            period_sec=timeline.period_sec,
-            options=options,
-        )
-
-
-def _link(timeline: Timeline, masks: _Masks, position: int, alarms: NDArray[np.bool_]) -> LinkAssessment:
-    options = masks.options
-    link, column = timeline.run.links[position], slice(position, position + 1)
-    alarm = alarms[:, column]
-    quiet, attacked = masks.quiet[:, column], masks.attacked[:, column]
-    episodes = tuple(
-        detect(alarm[:, 0], interval, timeline.period_sec, lag=masks.lags[position])
-        for interval in timeline.attack_intervals(link)
-        if interval[1] > interval[0]
-    )
-    rates = _rates(alarm, quiet, attacked, masks)
-    design = timeline.run.designs.get(link)
-    clear, under = timeline.clear_errors.get(link), timeline.attacked_errors.get(link)
+def _link(timeline: Timeline, judged: Judged, position: int, options: ReportOptions) -> LinkAssessment:
+    row, column = judged.links[position], slice(position, position + 1)
+    quiet, attacked = judged.masks.quiet[:, column], judged.masks.attacked[:, column]
+    rates = _rates(judged.alarm[:, column], quiet, attacked, timeline, options)
+    blocks = options.block_steps(timeline.steps, timeline.period_sec)
+    clear, under = timeline.clear_errors.get(row.link), timeline.attacked_errors.get(row.link)
     return LinkAssessment(
-        link=link,
-        monitored=design is not None and design.accepted,
-        episodes=episodes,
+        row=row,
         rates=rates,
-        roc=_roc(timeline.score[:, column], quiet, attacked, masks),
-        batadal=batadal(episodes, rates.seen_rate.value, rates.false_alarm_rate.value),
+        roc=roc(timeline.score[:, column], attacked, quiet, block_steps=blocks, seed=options.seed, level=options.level),
+        batadal=batadal(row.episodes, rates.seen_rate.value, rates.false_alarm_rate.value),
         left_out_sec=float(timeline.left_out[position]) * timeline.period_sec,
         clear_errors=None if clear is None else estimate_errors(clear, seed=options.seed, level=options.level),
         attacked_errors=None if under is None else estimate_errors(under, seed=options.seed, level=options.level),
@@ -220,80 +166,52 @@ def _link(timeline: Timeline, masks: _Masks, position: int, alarms: NDArray[np.b
 
 
 def _attack(
-    timeline: Timeline, attack: Attack, alarm: NDArray[np.bool_], masks: _Masks, unanswered: GridImpact | None
+    timeline: Timeline, row: AttackRow, unanswered: GridImpact | None, options: ReportOptions
 ) -> AttackAssessment:
-    episode = _seen(timeline, attack, alarm, masks)
-    accused = np.asarray(alarm[attack.start_step : attack.stop_step].any(axis=0)).tolist()
-    return AttackAssessment(
-        attack=attack,
-        episode=episode,
-        accused=tuple(link for link, one in zip(timeline.run.links, accused, strict=True) if one),
-        impact=_impact(timeline.impact, episode, masks),
-        unanswered=_impact(unanswered, episode, masks),
-    )
+    context = max(round(options.aftermath_sec / timeline.period_sec), 1)
+
+    def around(grid: GridImpact | None) -> Mapping[str, Impact]:
+        if grid is None:
+            return {}
+        interval, alarm_step = (row.attack.start_step, row.attack.stop_step), row.episode.alarm_step
+        return {
+            name: impact_of(getattr(grid, name), interval, alarm_step, timeline.period_sec, context_steps=context)
+            for name in IMPACTS
+        }
+
+    return AttackAssessment(row=row, impact=around(timeline.impact), unanswered=around(unanswered))
 
 
-def _impact(grid: GridImpact | None, episode: Episode, masks: _Masks) -> Mapping[str, Impact]:
-    """Around one attack, by the keys of IMPACTS."""
-    interval = (episode.start_step, episode.stop_step)
-    if grid is None or interval[1] <= interval[0]:
-        return {}
-    context = max(masks.aftermath_steps, 1)
-    return {
-        name: impact_of(getattr(grid, name), interval, episode.alarm_step, masks.period_sec, context_steps=context)
-        for name in IMPACTS
-    }
-
-
-def _seen(timeline: Timeline, attack: Attack, alarm: NDArray[np.bool_], masks: _Masks) -> Episode:
-    """Detection by any of the attacked links."""
-    positions = [timeline.run.links.index(link) for link in attack.links]
-    lag = max((masks.lags[position] for position in positions), default=0)
-    interval = (attack.start_step, attack.stop_step)
-    return detect(np.asarray(alarm[:, positions].any(axis=1)), interval, timeline.period_sec, lag=lag)
-
-
-def _overall(
-    timeline: Timeline, alarm: NDArray[np.bool_], masks: _Masks, options: ReportOptions, *, scored: bool
-) -> Overall:
-    attacks = [attack for attack in timeline.attacks if attack.stop_step > attack.start_step]
-    episodes = [_seen(timeline, attack, alarm, masks) for attack in attacks]
+def _overall(timeline: Timeline, alarm: NDArray[np.bool_], masks: Masks, options: ReportOptions) -> Overall:
+    attacks = [attack for attack in timeline.attacks if attack.began]
+    episodes = [seen_by(timeline, attack, alarm, masks) for attack in attacks]
     delays = [one.delay_sec for one in episodes if one.delay_sec is not None]
-    rates = _rates(alarm, masks.quiet, masks.attacked, masks)
-    found = [
-        ([timeline.run.links.index(link) for link in attack.links], one)
-        for attack, one in zip(attacks, episodes, strict=True)
-    ]
-    # a sample counts for isolation when no monitor is in the aftermath of an attack and some monitor judges
-    judged = (masks.quiet | masks.attacked | (timeline.phase != Phase.ARMED.value)).all(axis=1)
-    judged &= (timeline.phase == Phase.ARMED.value).any(axis=1)
+    rates = _rates(alarm, masks.quiet, masks.attacked, timeline, options)
+    # a sample counts for isolation when its link is not in the aftermath of an attack and some monitor judges
+    judged = ~masks.aftermath & masks.armed.any(axis=1, keepdims=True)
+    intervals = [(attack.start_step, attack.stop_step) for attack in attacks]
     return Overall(
         missed=missed_rate(episodes, options.level),
         delay_sec=float(np.mean(delays)) if delays else float("nan"),
         rates=rates,
-        roc=_roc(timeline.score, masks.quiet, masks.attacked, masks) if scored else None,
         batadal=batadal(episodes, rates.seen_rate.value, rates.false_alarm_rate.value),
-        isolation=isolation(alarm, masks.attacked, judged, found, options.level),
+        isolation=isolation(alarm, masks.attacked, judged, intervals, options.level),
     )
 
 
 def _rates(
-    alarm: NDArray[np.bool_], quiet: NDArray[np.bool_], attacked: NDArray[np.bool_], masks: _Masks
+    alarm: NDArray[np.bool_],
+    quiet: NDArray[np.bool_],
+    attacked: NDArray[np.bool_],
+    timeline: Timeline,
+    options: ReportOptions,
 ) -> AlarmRates:
-    options = masks.options
     return alarm_rates(
         alarm,
         quiet,
         attacked,
-        masks.period_sec,
-        block_steps=masks.block_steps,
+        timeline.period_sec,
+        block_steps=options.block_steps(timeline.steps, timeline.period_sec),
         seed=options.seed,
         level=options.level,
     )
-
-
-def _roc(
-    scores: NDArray[np.float32], quiet: NDArray[np.bool_], attacked: NDArray[np.bool_], masks: _Masks
-) -> Roc | None:
-    options = masks.options
-    return roc(scores, attacked, quiet, block_steps=masks.block_steps, seed=options.seed, level=options.level)

@@ -10,14 +10,12 @@ from bokeh.models.ui import UIElement
 from bokeh.plotting import figure
 from numpy.typing import NDArray
 
-from bags.reporting.alarm_sources import MAIN
 from bags.reporting.assessment import IMPACTS, Assessment
 from bags.reporting.fold import Envelope
 from bags.reporting.look import ALERT, COLOURS, INK, MUTED, frame, hover, legend, look, shade
-from bags.reporting.timeline import Timeline
+from bags.reporting.timeline import MOST_PANELS, Timeline
 
 COMPONENTS: Final = ("V [V]", "I_t [A]", "v [V s]")
-MOST_PANELS: Final = 24
 _MOST_INPUTS: Final = 6
 _FLOOR: Final = 1e-16  # rounding of double precision: smaller residuals are drawn here
 _DECADES: Final = (-3.0, 2.0)  # of the score in the overview
@@ -38,18 +36,9 @@ def figures(timeline: Timeline, assessment: Assessment) -> Mapping[str, UIElemen
     if timeline.truth:
         found["states"] = _states(timeline, time)
         found["impact"] = _impact(timeline, assessment, time)
-    if (curve := assessment.overall[MAIN].roc) is not None and len(curve.limit):
+    if assessment.hardest is not None:
         found["roc"] = _roc(assessment)
     return found
-
-
-def panels(timeline: Timeline) -> list[int]:
-    """Positions of the links whose residuals are drawn: all, or the ones that there is something to say about."""
-    count = len(timeline.run.links)
-    peak = np.nan_to_num(np.fmax.reduce(timeline.score, axis=0, initial=0.0))
-    attacked = np.array([bool(timeline.attack_intervals(link)) for link in timeline.run.links], dtype=np.bool_)
-    order = np.lexsort((-peak, ~attacked))
-    return sorted(order[:MOST_PANELS].tolist()) if count > MOST_PANELS else list(range(count))
 
 
 def _windows(timeline: Timeline, position: int | None = None) -> list[tuple[float, float]]:
@@ -161,7 +150,7 @@ def _inputs(timeline: Timeline, time: Range1d) -> UIElement:
 
 def _residuals(timeline: Timeline, assessment: Assessment, time: Range1d) -> UIElement:
     """Residuals against thresholds, one panel a link."""
-    shown = panels(timeline)
+    shown = timeline.telling()
     residual, threshold = timeline.curves.residual, timeline.curves.threshold
     limits = _range(residual.high[:, shown], threshold.high[:, shown])
     value = Range1d(start=limits[0], end=limits[1])
@@ -182,7 +171,7 @@ def _residuals(timeline: Timeline, assessment: Assessment, time: Range1d) -> UIE
             _line(plot, times, line, label, color=COLOURS[part])
         for colour, line in _thresholds(threshold.high[:, position]):
             _line(plot, times, line, "threshold", color=colour, line_dash="dashed")
-        for episode in assessment.links[position].episodes:
+        for episode in assessment.judged.links[position].episodes:
             if episode.delay_sec is not None:
                 at = episode.start_sec + episode.delay_sec
                 plot.scatter([at], [limits[1] / 2.0], marker="inverted_triangle", size=9, color=ALERT, name="alarm")
@@ -200,17 +189,12 @@ def _thresholds(limits: NDArray[np.float64]) -> list[tuple[str, NDArray[np.float
 
 
 def _roc(assessment: Assessment) -> figure:
-    """One curve a link that was attacked, and the one of all links."""
+    """One curve a link that was attacked; links are not pooled, because their scores are not to be compared."""
     plot = frame(360, None, x_axis_label="false-alarm rate per sample", y_axis_label="attacked samples seen")
     plot.line([0, 1], [0, 1], color=MUTED, line_dash="dotted")
-    attacked = [one for one in assessment.links if one.roc is not None]
-    curves = [(f"{one.link.source} → {one.link.target}", one.roc) for one in attacked]
-    if len(curves) > 1:
-        curves.append(("all links", assessment.overall[MAIN].roc))
-    for position, (name, curve) in enumerate(curves[-MOST_PANELS:]):
-        if curve is None:
-            continue
-        colour, dash = (INK, "solid") if name == "all links" else look(position)
+    curves = [(f"{one.row.link.source} → {one.row.link.target}", one.roc) for one in assessment.links if one.roc]
+    for position, (name, curve) in enumerate(curves[:MOST_PANELS]):
+        colour, dash = look(position)
         x, y = curve.false_positive_rate, curve.true_positive_rate
         label = f"{name}: AUC {curve.area.value:.4f}"
         _line(plot, x, y, label, color=colour, line_dash=dash, line_width=2, legend_label=label)

@@ -27,3 +27,7 @@ class ReportOptions:
     def block_steps(self, steps: int, period_sec: float) -> int:
         """Steps of a piece of a run."""
         return max(round(self.block_sec / period_sec), -(-steps // MOST_BLOCKS), 1)
+
+
+DEFAULTS = ReportOptions()
+"""Those of the tables that `dcmg run`, `simulate` and `replay` print."""

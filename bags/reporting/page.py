@@ -12,7 +12,7 @@ from markupsafe import Markup
 
 from bags.reporting.alarm_sources import SOURCES
 from bags.reporting.assessment import IMPACTS, Assessment
-from bags.reporting.figures import figures, panels
+from bags.reporting.figures import figures
 from bags.reporting.making import making_of
 from bags.reporting.timeline import Timeline
 from bags.reporting.topology import SIZE, drawing
@@ -30,14 +30,15 @@ def page(timeline: Timeline, assessment: Assessment) -> str:
     return environment.from_string(text).render(
         timeline=timeline,
         assessment=assessment,
+        rows=assessment.judged.attacks,
         main=assessment.overall.get(assessment.main),
         making=making_of(timeline.run, timeline.steps),
-        drawing=drawing(timeline, assessment),
+        drawing=drawing(timeline, assessment.judged),
         size=SIZE,
         sources=SOURCES,
         impacts=IMPACTS,
         confusion=_confusion(timeline, assessment),
-        shown=panels(timeline),
+        shown=timeline.telling(),
         nothing=NOTHING,
         places={name: Markup(place) for name, place in places.items()},  # noqa: S704 - bokeh's own
         script=Markup(script),  # noqa: S704 - idem

@@ -12,11 +12,15 @@ from bags.reporting.alarm_sources import MAIN, SOURCES, VERDICT
 from bags.reporting.attacks import Attack, attacks_of
 from bags.reporting.curves import Curves
 from bags.reporting.fold import fold, stretches_of
-from bags.reporting.options import ReportOptions
+from bags.reporting.options import DEFAULTS, ReportOptions
+from bags.reporting.team import TeamGatherer, TeamSummary
 from bags.runs.run_record import RunRecord
 from dgu_sim.grid import Link
 from monitor.detectors import Phase
 from monitor.measures import ErrorSums, GridImpact, grid_impact, score, under_attack
+
+MOST_PANELS = 24
+_ALWAYS = frozenset({MAIN, VERDICT})  # sources that count though they never alarm
 
 
 @final
@@ -37,6 +41,7 @@ class Timeline:
         clear_errors: Of the estimates of each link while it is not attacked; none without truth.
         attacked_errors: The same while it is.
         curves: What is drawn.
+        team: What its monitors did as a team, None when they were none.
     """
 
     run: RunRecord
@@ -51,11 +56,17 @@ class Timeline:
     clear_errors: Mapping[Link, ErrorSums]
     attacked_errors: Mapping[Link, ErrorSums]
     curves: Curves
+    team: TeamSummary | None = None
 
     @property
     def period_sec(self) -> float:
         """T_s [s]."""
         return self.run.sampling_period_sec
+
+    @property
+    def duration_sec(self) -> float:
+        """Simulated time of its complete steps [s]."""
+        return self.steps * self.period_sec
 
     @property
     def labelled(self) -> bool:
@@ -66,8 +77,16 @@ class Timeline:
         """Steps [start, stop) of the attacks on a link."""
         return self.run.attack_intervals(link, self.steps)
 
+    def telling(self) -> list[int]:
+        """Positions of the links whose residuals are drawn: all, or the ones that there is something to say about."""
+        count = len(self.run.links)
+        peak = np.nan_to_num(np.fmax.reduce(self.score, axis=0, initial=0.0))
+        attacked = np.array([bool(self.attack_intervals(link)) for link in self.run.links], dtype=np.bool_)
+        order = np.lexsort((-peak, ~attacked))
+        return sorted(order[:MOST_PANELS].tolist()) if count > MOST_PANELS else list(range(count))
 
-def gather(windows: Iterable[RunRecord], steps: int, options: ReportOptions) -> Timeline:
+
+def gather(windows: Iterable[RunRecord], steps: int, options: ReportOptions = DEFAULTS) -> Timeline:
     """Go through a run once.
 
     Args:
@@ -107,9 +126,11 @@ class _Gatherer:
         self.errors = np.zeros((stretches_of(steps, self.block_steps), 2, links, 3, 3))  # clear/attacked; n, |e|, e^2
         self.before = np.full((int(self.lags.max(initial=0)), dgus, 3), np.nan)  # states of the last window's end
         self.curves = Curves.empty(first, steps)
+        self.team = TeamGatherer(first, steps, self.curves.score.length)
 
     def add(self, window: RunRecord) -> None:
         """Take the next window."""
+        self.team.add(window)
         if not window.steps:
             return
         rows = slice(window.first_step, window.end_step)
@@ -117,7 +138,7 @@ class _Gatherer:
         self.phase[rows], self.score[rows] = window.phase, np.minimum(ratio, 1e30)
         for name, judge in self.judges.items():
             alarm = judge(window)
-            if alarm is not None:
+            if alarm is not None and (name in _ALWAYS or alarm.any()):
                 self.alarms.setdefault(name, np.zeros(self.phase.shape, dtype=np.bool_))[rows] = alarm
         if window.combined is not None:
             self.left_out += window.combined.verdict.dropped.sum(axis=0)
@@ -165,13 +186,14 @@ class _Gatherer:
             attacks=attacks_of(last, self.steps),
             truth=self.truth,
             phase=self.phase,
-            alarms={name: alarm for name, alarm in self.alarms.items() if name in {MAIN, VERDICT} or alarm.any()},
+            alarms={name: self.alarms[name] for name in SOURCES if name in self.alarms},
             left_out=self.left_out,
             score=self.score,
             impact=impact if self.truth else None,
             clear_errors=clear if self.truth else {},
             attacked_errors=attacked if self.truth else {},
             curves=self.curves,
+            team=self.team.summary(),
         )
 
 

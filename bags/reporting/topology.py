@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from typing import final
 
-from bags.reporting.assessment import Assessment
+from bags.reporting.judged import Judged, LinkRow
 from bags.reporting.timeline import Timeline
 from dgu_sim.grid import Link
 
@@ -30,7 +30,8 @@ class Arrow:
 
     Attributes:
         path: SVG path.
-        state: hit (attacked and accused), missed (attacked only), false (accused only), quiet or unmonitored.
+        state: hit (every attack on it seen), partly (some seen), missed (none), false (accused only), quiet or
+            unmonitored.
         title: In words.
     """
 
@@ -49,27 +50,26 @@ class Drawing:
     radius: float
 
 
-def drawing(timeline: Timeline, assessment: Assessment) -> Drawing:
+def drawing(timeline: Timeline, judged: Judged) -> Drawing:
     """Place the DGUs on a circle and bend the two arrows of each line apart."""
     dgus = timeline.run.topics.dgus
     radius = _NODE if len(dgus) <= 16 else max(4.0, 320.0 / len(dgus))  # noqa: PLR2004 - more than that touch
     nodes = {dgu: _place(number, len(dgus), dgu) for number, dgu in enumerate(dgus)}
     arrows = []
-    for found in sorted(assessment.links, key=lambda one: bool(one.episodes)):
-        state, title = _state(
-            found.monitored, [one.detected for one in found.episodes], found.rates.false_alarms, timeline.labelled
-        )
+    for found in sorted(judged.links, key=lambda one: bool(one.episodes)):
+        state, title = _state(found, labelled=timeline.labelled)
         path = _path(nodes[found.link.source], nodes[found.link.target], radius)
         arrows.append(Arrow(path=path, state=state, title=f"{_name(found.link)}: {title}"))
     return Drawing(nodes=tuple(nodes.values()), arrows=tuple(arrows), radius=radius)
 
 
-def _state(monitored: bool, seen: list[bool], alarms: int, labelled: bool) -> tuple[str, str]:  # noqa: FBT001 - facts
-    if seen:
-        return ("hit" if all(seen) else "missed"), f"{sum(seen)} of {len(seen)} attacks seen"
-    if alarms:
-        return "false", f"not attacked, {alarms} false alarm(s)" if labelled else f"{alarms} alarm(s)"
-    return ("quiet", "not accused") if monitored else ("unmonitored", "not monitored")
+def _state(row: LinkRow, *, labelled: bool) -> tuple[str, str]:
+    if count := len(row.episodes):
+        state = "hit" if row.seen == count else "partly" if row.seen else "missed"
+        return state, f"{row.seen} of {count} attacks seen"
+    if row.alarms:
+        return "false", f"not attacked, {row.alarms} false alarm(s)" if labelled else f"{row.alarms} alarm(s)"
+    return ("quiet", "not accused") if row.monitored else ("unmonitored", "not monitored")
 
 
 def _place(number: int, count: int, dgu: int) -> Node:

@@ -4,14 +4,13 @@ import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, final
+from typing import final
 
 from bags.mcap.errors import BagError
 from bags.reporting.assessment import Assessment, assess
-from bags.reporting.making import making_of
+from bags.reporting.documents import report_document
 from bags.reporting.options import ReportOptions
 from bags.reporting.page import page
-from bags.reporting.plain import plain
 from bags.reporting.timeline import Timeline, gather
 from bags.reporting.unanswered import unanswered
 from bags.runs.run_record import RunRecord
@@ -56,22 +55,7 @@ def write_report(windows: Iterable[RunRecord], steps: int, folder: Path, options
         assessment = assess(timeline, options, unanswered(timeline))
         text = page(timeline, assessment)
         html.write_text(text, encoding="utf-8")
-        document.write_text(json.dumps(document_of(timeline, assessment), allow_nan=False), encoding="utf-8")
+        document.write_text(json.dumps(report_document(timeline, assessment), allow_nan=False), encoding="utf-8")
     except OSError as error:
         raise BagError(f"{folder}: the report cannot be written: {error.strerror}") from None
     return Report(timeline=timeline, assessment=assessment, html=html, json=document)
-
-
-def document_of(timeline: Timeline, assessment: Assessment) -> dict[str, Any]:
-    """The report as plain data; every number is finite, null stands for none."""
-    making = making_of(timeline.run, timeline.steps)
-    return {
-        "scenario": making.name,
-        "bag": str(timeline.run.path),
-        "steps": timeline.steps,
-        "sampling_period_sec": timeline.period_sec,
-        "truth": timeline.truth,
-        "made": dict(making.facts),
-        "designs": plain(making.designs),
-        **{name: plain(getattr(assessment, name)) for name in ("options", "main", "overall", "attacks", "links")},
-    }

@@ -10,6 +10,7 @@ from bags.watch.monitors import MonitorArrays, alarm_changes
 from bags.wire.combined_topics import CombinedTopics
 from bags.wire.records import AlarmRecord
 from dgu_sim.grid import Link
+from monitor.measures import changed
 
 
 def link_alarms(
@@ -43,7 +44,7 @@ def local_alarms(
     if not fields.local:
         return []
     alarm, residual, threshold = (fields.local[name] for name in ("alarm", "residual", "threshold"))
-    rows, positions = np.nonzero(np.diff(np.concatenate([before[None], alarm]), axis=0))
+    rows, positions = np.nonzero(changed(alarm, before))
     return [
         AlarmRecord(
             step=first_step + row,

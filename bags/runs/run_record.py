@@ -15,6 +15,7 @@ from bags.wire.records import AlarmRecord, DesignRecord, HistoryRecord, SecondRe
 from bags.wire.schema import RunTopics
 from dgu_sim.grid import Link
 from dgu_sim.relay import Action, RelayEvent
+from monitor.measures import spans
 
 
 @final
@@ -112,12 +113,6 @@ class RunRecord:
             link: The link.
             end: Where an attack without a stop ends; None: behind the last row.
         """
-        end = self.end_step if end is None else end
-        starts: dict[int, int] = {}
-        intervals = []
-        for event in self.events:
-            if event.link == link and event.action is Action.START:
-                starts[event.attack] = event.step
-            elif event.link == link and event.attack in starts:
-                intervals.append((starts.pop(event.attack), event.step))
-        return tuple(sorted([*intervals, *((start, end) for start in starts.values())]))
+        changes = ((one.step, one.attack, one.action is Action.START) for one in self.events if one.link == link)
+        found = spans(changes, self.end_step if end is None else end)
+        return tuple(sorted(one for intervals in found.values() for one in intervals))

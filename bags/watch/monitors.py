@@ -22,6 +22,7 @@ from monitor.delayed import ConstantInput
 from monitor.detectors import Detector, Phase
 from monitor.history import History
 from monitor.link_monitor import LinkMonitor, MonitorOutput, MonitorState
+from monitor.measures import changed
 from monitor.observers import Design, LinearObserver, Observer
 
 _WIDTH = 3  # components of a received output
@@ -178,7 +179,7 @@ def alarm_changes(alarm: NDArray[np.bool_], before: NDArray[np.bool_], links: Se
         before: Verdicts at the step before the first, shape (links,).
         links: The links.
     """
-    rows, positions = np.nonzero(np.diff(np.concatenate([before[None], alarm]), axis=0))
+    rows, positions = np.nonzero(changed(alarm, before))
     found = zip(rows.tolist(), positions.tolist(), strict=True)
     return sorted(found, key=lambda one: (one[0], links[one[1]].target, links[one[1]].source))
 

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from bags.wire.records import AlarmRecord, DesignRecord, HistoryRecord
 from bags.wire.team_topics import TeamTopics
 from monitor.link_monitor import MonitorOutput
+from monitor.measures import changed
 from monitor.team import MemberOutput, MemberPhase
 
 _WIDTH = 3
@@ -111,7 +112,7 @@ def accusation_changes(alarm: NDArray[np.bool_], before: NDArray[np.bool_]) -> l
         alarm: Verdicts, shape (steps, members, members).
         before: Verdicts at the step before, shape (members, members).
     """
-    found = np.nonzero(np.diff(np.concatenate([before[None], alarm]), axis=0))
+    found = np.nonzero(changed(alarm, before))
     return [(int(row), int(one), int(two)) for row, one, two in zip(*found, strict=True)]
 
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from dcmg.commands.showing import print_summary, shown
-
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
@@ -32,13 +30,11 @@ class MonitorChanges:
 
 def evaluate(bag: Path, changes: MonitorChanges, *, out: Path | None, json: bool) -> int:
     """Evaluate the recorded received outputs of a run again; return the exit code."""
-    from bags.reporting.outline import outline  # noqa: PLC0415 (heavy)
-    from bags.reporting.plots import draw  # noqa: PLC0415
-    from bags.reporting.report import summary  # noqa: PLC0415
-    from bags.runs.reader import open_run  # noqa: PLC0415
+    from bags.runs.reader import open_run  # noqa: PLC0415 (heavy)
     from bags.runs.replay import replay_windows  # noqa: PLC0415
     from bags.runs.replay_bag import write_replayed  # noqa: PLC0415
     from bags.runs.replay_settings import history_messages, with_histories  # noqa: PLC0415
+    from dcmg.run_tables import show_run  # noqa: PLC0415
 
     run = open_run(bag)
     windows, told = run.windows(), {}
@@ -48,7 +44,6 @@ def evaluate(bag: Path, changes: MonitorChanges, *, out: Path | None, json: bool
     windows = replay_windows(windows, changes.overrides)
     if out is not None:
         windows = write_replayed(out / "bag", windows, told)
-    found = outline(shown(windows, run.steps, "replaying"), run.steps)
-    pictures = draw(found, out / "plots") if out is not None else ()
-    print_summary(summary(found, bag if out is None else out / "bag"), pictures, json=json)
+    pictures, shown_bag = (None, bag) if out is None else (out / "plots", out / "bag")
+    show_run(windows, run.steps, shown_bag, what="replaying", pictures=pictures, json=json)
     return 0

@@ -6,16 +6,14 @@ from pathlib import Path  # noqa: TC003 (typer reads the annotations)
 from typing import TYPE_CHECKING, Annotated
 
 import typer
-from rich.console import Console
-from rich.progress import Progress
+
+from dcmg.progress import shown
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable, Iterator
+    from collections.abc import Iterable
 
     from bags.reporting.write import Report
     from bags.runs.run_record import RunRecord
-
-_messages = Console(stderr=True)
 
 
 def report(
@@ -59,7 +57,7 @@ def report(
     windows: Iterable[RunRecord] = replay_windows(run.windows(), set_) if set_ else run.windows()
     options = ReportOptions(level=level, seed=seed, block_sec=block, aftermath_sec=aftermath)
     folder = out or bag.with_name(f"{bag.resolve().name}_report")
-    made = write_report(_shown(windows, run.steps), run.steps, folder, options)
+    made = write_report(shown(windows, run.steps, "reading"), run.steps, folder, options)
     if json:
         typer.echo(made.json.read_text(encoding="utf-8"))
         return
@@ -67,25 +65,16 @@ def report(
         typer.echo(line)
 
 
-def _shown(windows: Iterable[RunRecord], steps: int) -> Iterator[RunRecord]:
-    """Pass the windows on, with a progress bar for as long as they last."""
-    with Progress(console=_messages, transient=True) as progress:
-        task = progress.add_task("reading", total=steps)
-        for window in windows:
-            yield window
-            progress.update(task, completed=window.end_step)
-
-
 def _lines(made: Report) -> list[str]:
     """The run in a few lines, and where the rest is."""
     from bags.reporting.wording import interval, number, share  # noqa: PLC0415 (heavy)
+    from dcmg.run_tables import attack_line  # noqa: PLC0415 (idem)
 
-    lines = []
-    for one in made.assessment.attacks:
-        links = ", ".join(str(link) for link in one.attack.links)
-        seen = f"seen after {number(one.episode.delay_sec)} s" if one.episode.detected else "missed"
-        lines.append(f"{one.attack.kind} on {links} from {one.episode.start_sec:g} s: {seen}")
-        if one.unanswered and one.impact:
+    lines, impacts = [], {one.row.attack.number: one for one in made.assessment.attacks}
+    for row in made.assessment.judged.attacks:
+        lines.append(attack_line(row, made.timeline.duration_sec))
+        one = impacts.get(row.attack.number)
+        if one is not None and one.unanswered and one.impact:
             largest, avoided = one.impact["mean_voltage"].largest, one.unanswered["mean_voltage"].largest
             lines.append(f"  largest |<V> - <V_ref>|: {number(largest)} V, without response {number(avoided)} V")
     overall = made.assessment.overall.get(made.assessment.main)
@@ -98,8 +87,7 @@ def _lines(made: Report) -> list[str]:
         )
         if made.assessment.attacks:
             lines.append(f"attacked samples with an alarm: {share(overall.rates.seen_rate.value)}")
-        if overall.roc is not None:
-            lines.append(
-                f"area under the ROC: {number(overall.roc.area.value, 4)} {interval(overall.roc.area, digits=4)}"
-            )
+        if (hardest := made.assessment.hardest) is not None and hardest.roc is not None:
+            area, link = hardest.roc.area, hardest.row.link
+            lines.append(f"least area under a ROC: {number(area.value, 4)} {interval(area, digits=4)}, link {link}")
     return [*lines, f"page: {made.html}", f"data: {made.json}"]

@@ -4,6 +4,7 @@ Pure functions of arrays, one measure a file. Nothing on the hot path imports th
 """
 
 from monitor.measures.batadal import Batadal, batadal
+from monitor.measures.edges import changed, onsets, spans
 from monitor.measures.episodes import Episode, detect, missed_rate
 from monitor.measures.estimation import ErrorSums, EstimateErrors, estimate_errors
 from monitor.measures.false_alarms import AlarmRates, alarm_rates, quiet_steps, under_attack
@@ -36,6 +37,7 @@ __all__ = [
     "batadal",
     "block_bootstrap",
     "block_sums",
+    "changed",
     "clopper_pearson",
     "detect",
     "estimate_errors",
@@ -44,8 +46,10 @@ __all__ = [
     "isolation",
     "mean_time_between",
     "missed_rate",
+    "onsets",
     "quiet_steps",
     "roc",
     "score",
+    "spans",
     "under_attack",
 ]

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from monitor.measures.edges import onsets
 from monitor.measures.intervals import Estimate, block_bootstrap, block_sums, clopper_pearson, mean_time_between
 
 if TYPE_CHECKING:
@@ -85,9 +86,8 @@ def alarm_rates(
         seed: of the bootstrap.
         level: confidence.
     """
-    before = np.concatenate([np.zeros((1, alarm.shape[1]), dtype=np.bool_), alarm[:-1]])
-    false, onsets, seen = alarm & quiet, alarm & ~before & quiet, alarm & attacked
-    counts = [int(np.count_nonzero(one)) for one in (quiet, false, onsets, attacked, seen)]
+    false, began, seen = alarm & quiet, onsets(alarm) & quiet, alarm & attacked
+    counts = [int(np.count_nonzero(one)) for one in (quiet, false, began, attacked, seen)]
     quiet_count, false_count, onset_count, attacked_count, seen_count = counts
     return AlarmRates(
         quiet_samples=quiet_count,

@@ -17,9 +17,9 @@ class GridImpact:
     """How far the grid is from its goals at each step.
 
     Attributes:
-        mean_voltage: (steps,) <V> - <V_ref> [V].
-        voltage: (steps,) max_i |V_i - V_ref,i| [V].
-        sharing: (steps,) max_i I_i/I^r_i - min_i I_i/I^r_i.
+        mean_voltage: (steps, ...) <V> - <V_ref> [V].
+        voltage: (steps, ...) max_i |V_i - V_ref,i| [V].
+        sharing: (steps, ...) max_i I_i/I^r_i - min_i I_i/I^r_i.
     """
 
     mean_voltage: NDArray[np.float64]
@@ -53,16 +53,16 @@ def grid_impact(
     """Distances from the goals of secondary control.
 
     Args:
-        voltage: (steps, dgus) V [V].
-        current: (steps, dgus) I_t [A].
-        nominal: (steps, dgus) V_ref before the secondary correction [V].
+        voltage: (steps, ..., dgus) V [V].
+        current: (steps, ..., dgus) I_t [A].
+        nominal: (steps, ..., dgus) V_ref before the secondary correction [V].
         rated: (dgus,) I^r [A].
     """
     share = current / rated
     return GridImpact(
-        mean_voltage=(voltage - nominal).mean(axis=1),
-        voltage=np.abs(voltage - nominal).max(axis=1),
-        sharing=share.max(axis=1) - share.min(axis=1),
+        mean_voltage=(voltage - nominal).mean(axis=-1),
+        voltage=np.abs(voltage - nominal).max(axis=-1),
+        sharing=share.max(axis=-1) - share.min(axis=-1),
     )
 
 

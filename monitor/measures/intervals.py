@@ -7,7 +7,6 @@ from math import inf, nan
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import binomtest, chi2
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -48,10 +47,14 @@ class Estimate:
 
 def clopper_pearson(successes: int, trials: int, level: float = 0.95) -> Estimate:
     """Share of successes, exact for independent trials."""
+    from scipy.special import betaincinv  # noqa: PLC0415 (takes its time, and few who import this measure intervals)
+
     if not trials:
         return Estimate(value=nan)
-    found = binomtest(successes, trials).proportion_ci(confidence_level=level, method="exact")
-    interval = Interval(low=float(found.low), high=float(found.high), level=level, method="Clopper-Pearson")
+    tail, missed = (1.0 - level) / 2.0, trials - successes
+    low = float(betaincinv(successes, missed + 1, tail)) if successes else 0.0
+    high = float(betaincinv(successes + 1, missed, 1.0 - tail)) if missed else 1.0
+    interval = Interval(low=low, high=high, level=level, method="Clopper-Pearson")
     return Estimate(value=successes / trials, interval=interval)
 
 
@@ -61,11 +64,14 @@ def mean_time_between(events: int, time_sec: float, level: float = 0.95) -> Esti
     Garwood's exact interval: 2 T / chi2(1 - a/2, 2 k + 2) to 2 T / chi2(a/2, 2 k); with k = 0 it has a lower end only,
     which the whole of a goes to.
     """
+    from scipy.special import chdtri  # noqa: PLC0415 (idem)
+
     if time_sec <= 0.0:
         return Estimate(value=nan)
     tail = (1.0 - level) / 2.0 if events else 1.0 - level
-    low = 2.0 * time_sec / float(chi2.ppf(1.0 - tail, 2 * events + 2))
-    high = 2.0 * time_sec / float(chi2.ppf(tail, 2 * events)) if events else inf
+    # chdtri(k, q) is the chi-squared quantile of 1 - q with k degrees of freedom
+    low = 2.0 * time_sec / float(chdtri(2 * events + 2, tail))
+    high = 2.0 * time_sec / float(chdtri(2 * events, 1.0 - tail)) if events else inf
     method = "Garwood, Poisson" if events else "Garwood, Poisson, one-sided"
     interval = Interval(low=low, high=high, level=level, method=method)
     return Estimate(value=time_sec / events if events else inf, interval=interval)

@@ -14,8 +14,6 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from monitor.measures.episodes import Episode
-
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Isolation:
@@ -25,8 +23,9 @@ class Isolation:
         samples: (links + 1, links + 1) samples in which the row's link was attacked and the column's link accused; the
             last row counts samples without any attack, the last column samples without any accusation.
         attacked_samples: (links + 1,) samples of each row: more than one link may be accused at once.
-        first_right: attacks whose first accusation anywhere hit an attacked link, of those with an accusation.
-        exact: attacks during which exactly the attacked links were accused, of all.
+        first_right: sets of simultaneous attacks whose first accusation anywhere hit a link that was attacked then, of
+            those with an accusation.
+        exact: sets of simultaneous attacks during which exactly the attacked links were accused, of all.
     """
 
     samples: NDArray[np.int64]
@@ -39,32 +38,45 @@ def isolation(
     alarm: NDArray[np.bool_],
     attacked: NDArray[np.bool_],
     judged: NDArray[np.bool_],
-    attacks: Sequence[tuple[Sequence[int], Episode]],
+    attacks: Sequence[tuple[int, int]],
     level: float = 0.95,
 ) -> Isolation:
-    """Count accusations by what was attacked.
+    """Count accusations by what was attacked; attacks that overlap in time are judged as one set.
 
     Args:
         alarm: (steps, links).
         attacked: (steps, links).
-        judged: (steps,) samples that count: armed, and not just after an attack.
-        attacks: positions of the links of each attack, and when it ran.
+        judged: (steps, links) samples that count: armed, and not just after an attack on that link.
+        attacks: steps [start, stop) of each attack.
         level: confidence.
     """
-    truth = np.column_stack([attacked, ~attacked.any(axis=1)])[judged]
-    accused = np.column_stack([alarm, ~alarm.any(axis=1)])[judged]
+    rows = judged.all(axis=1)
+    truth = np.column_stack([attacked, ~attacked.any(axis=1)])[rows]
+    accused = np.column_stack([alarm, ~alarm.any(axis=1)])[rows]
+    alarm = alarm & judged
+    sets = simultaneous(attacks)
     first_right, first_made, exact = 0, 0, 0
-    for positions, one in attacks:
-        during = alarm[one.start_step : one.stop_step]
-        ever = set(np.flatnonzero(during.any(axis=0)).tolist())
-        exact += ever == set(positions)
-        if ever:
-            first = during[np.flatnonzero(during.any(axis=1))[0]]
+    for start, stop in sets:
+        during, under = alarm[start:stop], attacked[start:stop]
+        exact += np.array_equal(during.any(axis=0), under.any(axis=0))
+        if during.any():
+            first = np.flatnonzero(during.any(axis=1))[0]
             first_made += 1
-            first_right += bool(set(np.flatnonzero(first).tolist()) & set(positions))
+            first_right += bool((during[first] & under[first]).any())
     return Isolation(
         samples=truth.T.astype(np.int64) @ accused.astype(np.int64),
         attacked_samples=truth.sum(axis=0, dtype=np.int64),
         first_right=clopper_pearson(first_right, first_made, level),
-        exact=clopper_pearson(exact, len(attacks), level),
+        exact=clopper_pearson(exact, len(sets), level),
     )
+
+
+def simultaneous(attacks: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
+    """Steps [start, stop) of each set of attacks that overlap in time, by start."""
+    found: list[tuple[int, int]] = []
+    for start, stop in sorted(attacks):
+        if found and start < found[-1][1]:
+            found[-1] = (found[-1][0], max(found[-1][1], stop))
+        else:
+            found.append((start, stop))
+    return found

@@ -118,7 +118,7 @@ def test_simulate_prints_one_json_document(dcmg: Dcmg, tmp_path: Path) -> None:
     assert document["bag"] == str(tmp_path / "bag")
     assert len(document["plots"]) == 2
     assert all(Path(plot).read_bytes().startswith(b"\x89PNG") for plot in document["plots"])
-    assert [link["detection_delay_sec"] is not None for link in document["links"] if link["attacked"]] == [True]
+    assert [one["seen"] for one in document["attacks"]] == [True]
 
 
 def test_monitors_are_designed_from_a_recorded_history(dcmg: Dcmg, tmp_path: Path) -> None:

@@ -41,7 +41,7 @@ def test_another_observer_and_detector(dcmg: Dcmg) -> None:
         "--detector-option", "calibrate_sec=0.5",
     )  # fmt: skip
     assert code == 0, err
-    assert all(link["alarm_sec"] is None for link in json.loads(out)["links"])
+    assert all(link["first_alarm_sec"] is None for link in json.loads(out)["links"])
 
 
 @pytest.mark.parametrize(

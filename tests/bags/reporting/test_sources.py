@@ -65,9 +65,9 @@ def test_verdict_judges_where_there_is_one(record: RunRecord) -> None:
     timeline = gather([_with_verdict(record)], record.steps, OPTIONS)
     found = assess(timeline, OPTIONS)
     assert (found.main, set(found.overall)) == ("verdict", {"verdict", "residual"})
-    assert [one.episode.delay_sec for one in found.attacks] == [pytest.approx(0.03), None]
+    assert [one.row.episode.delay_sec for one in found.attacks] == [pytest.approx(0.03), None]
     assert found.overall["residual"].missed.value == 0.0
-    assert found.overall["residual"].roc is not None
+    assert found.attacks[1].row.delays_sec == {"verdict": None, "residual": 0.0}
     assert [one.left_out_sec for one in found.links] == [0.0, 0.0, pytest.approx(1.37), 0.0]
     assert "left out<br>" in page(timeline, found)
 

@@ -48,7 +48,10 @@ def test_document_is_plain_json(report: Report) -> None:
     document = json.loads(report.json.read_text(encoding="utf-8"), parse_constant=refuse)
     assert (document["scenario"], document["steps"], document["truth"]) == ("three_dgus", 240, True)
     assert [one["link"] for one in document["links"]] == ["2-1", "3-1", "1-2", "1-3"]
-    assert [one["episode"]["start_sec"] for one in document["attacks"]] == [1.0, 2.0]
+    assert [(one["from_sec"], one["to_sec"], one["seen"]) for one in document["attacks"]] == [
+        (1.0, 1.5, True),
+        (2.0, None, True),
+    ]
     assert document["overall"]["residual"]["missed"]["interval"]["method"] == "Clopper-Pearson"
     assert set(document["attacks"][0]["impact"]) == {"mean_voltage", "voltage", "sharing"}
 

@@ -10,8 +10,9 @@ from numpy.typing import NDArray
 
 from bags.mcap.bag import open_bag
 from bags.mcap.errors import BagError
-from bags.reporting.plots import draw
-from bags.reporting.report import summary
+from bags.reporting.judged import judge
+from bags.reporting.pictures import draw
+from bags.reporting.timeline import gather
 from bags.runs.offline import simulate_to_bag
 from bags.runs.reader import open_run, read_run
 from bags.runs.replay import replay, replay_windows
@@ -98,13 +99,20 @@ def test_an_attack_that_no_link_monitor_sees_is_seen_by_the_team(run: RunRecord)
 
 def test_report_and_picture_tell_of_the_team(run: RunRecord, tmp_path: Path) -> None:
     """Who was there for how long, who accused whom, and a picture of the errors beside the others."""
-    document = summary(run).document()["team"]
+    timeline = gather([run], run.steps)
+    assert timeline.team is not None
+    document = timeline.team.document()
     assert document["accepted"]
     rows = {row["member"]: row for row in document["members"]}
     assert rows[3]["present_sec"] == pytest.approx(14.0 - JOIN * 0.01)
     assert (rows[4]["accused_by"], rows[4]["first_accused_sec"]) == ((2, 3), pytest.approx((LIE + 1) * 0.01))
     assert max(rows[6]["last_error"]) < 1e-7
-    assert [path.name for path in draw(run, tmp_path)] == ["states.png", "residuals.png", "team.png"]
+    drawn = draw(timeline, judge(timeline), tmp_path)
+    assert [path.name for path in drawn] == [
+        "states.png",
+        "residuals.png",
+        "team.png",
+    ]
 
 
 def test_estimates_are_read_as_blocks(run: RunRecord) -> None:

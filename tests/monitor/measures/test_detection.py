@@ -15,12 +15,15 @@ from monitor.measures import (
     Episode,
     alarm_rates,
     batadal,
+    changed,
     detect,
     isolation,
     missed_rate,
+    onsets,
     quiet_steps,
     roc,
     score,
+    spans,
     under_attack,
 )
 
@@ -113,10 +116,42 @@ def test_isolation_tells_the_right_accusation_from_the_wrong_one() -> None:
     """Link 0 is attacked: link 1 is accused first, then both."""
     alarm = np.column_stack([_flags(10, 6, 7), _flags(10, 5, 6), _flags(10)])
     attacked = np.column_stack([under_attack(10, [(5, 8)]), _flags(10), _flags(10)])
-    found = isolation(alarm, attacked, np.ones(10, dtype=bool), [([0], detect(alarm[:, 0], (5, 8), 1.0))])
+    found = isolation(alarm, attacked, np.ones((10, 3), dtype=bool), [(5, 8)])
     assert found.samples.tolist() == [[2, 2, 0, 0], [0, 0, 0, 0], [0, 0, 0, 0], [0, 0, 0, 7]]
     assert found.attacked_samples.tolist() == [3, 0, 0, 7]
     assert (found.first_right.value, found.exact.value) == (0.0, 0.0)
+
+
+@given(
+    intervals=st.lists(st.tuples(st.integers(0, 20), st.integers(1, 20)), min_size=1, max_size=4),
+)
+def test_attacks_that_are_all_seen_are_isolated_whatever_overlaps(intervals: list[tuple[int, int]]) -> None:
+    """One attack a link, each accused while it runs and nothing else: every set is right, however they overlap."""
+    attacks = [(start, start + length) for start, length in intervals]
+    attacked = np.column_stack([under_attack(50, [one]) for one in attacks])
+    found = isolation(attacked, attacked, np.ones(attacked.shape, dtype=bool), attacks)
+    assert (found.first_right.value, found.exact.value) == (1.0, 1.0)
+    spoiled = np.column_stack([attacked, attacked.any(axis=1)])
+    wider = np.column_stack([attacked, np.zeros(50, dtype=bool)])
+    assert isolation(spoiled, wider, np.ones(wider.shape, dtype=bool), attacks).exact.value == 0.0
+
+
+@given(
+    flags=st.lists(st.booleans(), min_size=1, max_size=40),
+    before=st.booleans(),
+    cut=st.integers(0, 40),
+)
+def test_edges_are_the_same_however_a_run_is_cut(flags: list[bool], before: bool, cut: int) -> None:  # noqa: FBT001 - drawn
+    """Onsets and ends of the parts are those of the whole, and pairing them gives the flags back."""
+    whole, start = np.array(flags), np.array(before)
+    cut = min(cut, len(whole))
+    first, second = whole[:cut], whole[cut:]
+    joined = [changed(first, start), changed(second, first[-1] if cut else start)]
+    np.testing.assert_array_equal(np.concatenate(joined), changed(whole, start))
+    np.testing.assert_array_equal(onsets(whole), changed(whole) & whole)
+    told = [(int(step), "it", bool(whole[step])) for step in np.flatnonzero(changed(whole))]
+    lasted = spans(told, len(whole)).get("it", [])
+    np.testing.assert_array_equal(under_attack(len(whole), lasted), whole)
 
 
 def _episode(delay_sec: float | None) -> Episode:

@@ -1,17 +1,15 @@
-"""What report and pictures need of a run's team, gathered window by window."""
+"""What monitors did as a team, gathered while the windows of a run go by."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass
 from typing import Any, final
 
 import numpy as np
-from numpy.typing import NDArray
 
+from bags.reporting.fold import Envelope
 from bags.runs.run_record import RunRecord
 from bags.watch.team_record import present
 from bags.wire.records import AlarmRecord
-
-_WIDTH = 3  # V, I_t, v
 
 
 @final
@@ -36,7 +34,7 @@ class MemberSummary:
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TeamOutline:
+class TeamSummary:
     """A team without its single steps.
 
     Attributes:
@@ -44,15 +42,15 @@ class TeamOutline:
         accepted: Whether there was a team.
         verdict: What its design says.
         alarms: Accusations that started or ended, in order of time.
-        error: Largest |xhat - x| (as told, against the recorded truth) of any V, I_t, v in each short stretch, shape
-            (stretches, members, 3); NaN while a member does not estimate.
+        error: Largest |xhat - x| (as told, against the recorded truth) of any V, I_t, v, (members, 3); NaN while a
+            member does not estimate.
     """
 
     members: tuple[MemberSummary, ...]
     accepted: bool
     verdict: str
     alarms: tuple[AlarmRecord, ...]
-    error: NDArray[np.float64]
+    error: Envelope
 
     def document(self) -> dict[str, Any]:
         """The part of the JSON document."""
@@ -60,63 +58,49 @@ class TeamOutline:
         return {"accepted": self.accepted, "verdict": self.verdict, "members": members}
 
 
-@final
-@dataclass(slots=True, kw_only=True)
-class TeamSketch:
-    """The team of a run while its windows go by.
+class TeamGatherer:
+    """The team of a run while its windows go by."""
 
-    Attributes:
-        stretches: Number of short stretches of the run.
-        length: Steps of each.
-    """
-
-    stretches: int
-    length: int
-    _error: NDArray[np.float64] | None = None
-    _last: list[tuple[float, ...] | None] = field(default_factory=list)
-    _steps: NDArray[np.int64] | None = None
-    _alarms: list[AlarmRecord] = field(default_factory=list)
-    _run: RunRecord | None = None
+    def __init__(self, first: RunRecord, steps: int, length: int) -> None:
+        """Before the first window of a run whose curves have stretches of so many steps."""
+        members, width = len(first.topics.dgus), first.x.shape[2]
+        self.error = Envelope.empty(steps, length, members, width)
+        self.last: list[tuple[float, ...] | None] = [None] * members
+        self.present = np.zeros(members, dtype=np.int64)
+        self.alarms: list[AlarmRecord] = []
+        self.run: RunRecord | None = None
 
     def add(self, window: RunRecord) -> None:
         """Take the next window."""
         if window.told is None or window.team is None:
             return
-        self._run = window
-        self._alarms += window.team.alarms
+        self.run = window
+        self.alarms += window.team.alarms
         there = present(window.told)
         apart = np.abs(window.told.estimate - window.x.reshape(window.steps, 1, -1))
-        error = apart.reshape(*there.shape, -1, _WIDTH).max(axis=2)
-        if self._error is None or self._steps is None:
-            self._error = np.full((self.stretches, *error.shape[1:]), np.nan)
-            self._steps = np.zeros(there.shape[1], dtype=np.int64)
-            self._last = [None] * there.shape[1]
-        self._steps += there.sum(axis=0)
+        error = apart.reshape(*there.shape, -1, window.x.shape[2]).max(axis=2)
+        self.error.add(error, window.first_step)
+        self.present += there.sum(axis=0)
         for member in range(there.shape[1]):
             rows = np.flatnonzero(there[:, member])
             if len(rows):
-                self._last[member] = tuple(error[rows[-1], member].tolist())
-        if window.steps:
-            stretches = np.arange(window.first_step, window.end_step) // self.length
-            starts = np.flatnonzero(np.diff(stretches, prepend=-1))
-            into = stretches[starts]
-            self._error[into] = np.fmax(self._error[into], np.fmax.reduceat(error, starts, axis=0))
+                self.last[member] = tuple(error[rows[-1], member].tolist())
 
-    def outline(self) -> TeamOutline | None:
+    def summary(self) -> TeamSummary | None:
         """What was gathered, None for a run without a team."""
-        run = self._run
-        if run is None or run.team is None or self._error is None or self._steps is None:
+        run = self.run
+        if run is None or run.team is None:
             return None
         design = next(iter(run.team.designs.values()), None)
-        return TeamOutline(
+        return TeamSummary(
             members=tuple(
-                _member(member, int(steps) * run.sampling_period_sec, last, self._alarms, run.sampling_period_sec)
-                for member, steps, last in zip(run.topics.dgus, self._steps, self._last, strict=True)
+                _member(member, int(steps) * run.sampling_period_sec, last, self.alarms, run.sampling_period_sec)
+                for member, steps, last in zip(run.topics.dgus, self.present, self.last, strict=True)
             ),
             accepted=design is not None and design.accepted,
             verdict="the bag holds no design" if design is None else design.verdict,
-            alarms=tuple(self._alarms),
-            error=self._error,
+            alarms=tuple(self.alarms),
+            error=self.error,
         )
 
 

@@ -1,0 +1,194 @@
+"""Pictures of a run as PNG files: states of the DGUs, residuals over thresholds, and a team's errors."""
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Final
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.patches import Patch
+from matplotlib.ticker import MaxNLocator
+
+from bags.reporting.ink import ALERT, ALERT_SHADE, BUSY, INK, MUTED, look, prepare
+from bags.reporting.judged import AttackRow, Judged
+from bags.reporting.team_picture import draw_team
+from bags.reporting.timeline import Timeline
+from monitor.detectors import Phase
+
+_PANELS_PER_ROW: Final = 4
+_MOST_LABELS: Final = 6  # names of attacks that fit above the states
+_DPI: Final = 150
+_LEAST: Final = 1e-3  # scores below are as good as zero, and drawn here
+
+
+def draw(timeline: Timeline, judged: Judged, folder: Path) -> tuple[Path, ...]:
+    """Draw a run into PNG files.
+
+    Args:
+        timeline: The run.
+        judged: Its rows.
+        folder: Where to; made if it does not exist.
+
+    Returns:
+        The files: states.png, residuals.png and, of a team of monitors, team.png; none for a run without a complete
+        step.
+    """
+    if not timeline.steps:
+        return ()
+    folder.mkdir(parents=True, exist_ok=True)
+    figures = {"states.png": draw_states(timeline, judged)}
+    if timeline.run.links:
+        figures["residuals.png"] = draw_residuals(timeline, judged)
+    if timeline.team is not None:
+        figures["team.png"] = draw_team(timeline, timeline.team)
+    for name, figure in figures.items():
+        FigureCanvasAgg(figure)
+        figure.savefig(folder / name, dpi=_DPI)
+    return tuple(folder / name for name in figures)
+
+
+def draw_states(timeline: Timeline, judged: Judged) -> Figure:
+    """Voltage, current and secondary correction of every DGU over time; attacks are shaded and named."""
+    figure = Figure(figsize=(9.0, 8.0), layout="constrained")
+    panels = figure.subplots(3, 1, sharex=True)
+    curves, dgus = timeline.curves, timeline.run.topics.dgus
+    count = range(len(dgus))
+    quantities = (
+        (curves.x.times(timeline.period_sec), [curves.x.line(at, 0) for at in count], "bus voltage $V$ [V]"),
+        (curves.x.times(timeline.period_sec), [curves.x.line(at, 1) for at in count], "filter current $I_t$ [A]"),
+        (
+            curves.alpha.times(timeline.period_sec),
+            [curves.alpha.line(at) for at in count],
+            r"secondary correction $\alpha$ [V]",
+        ),
+    )
+    rows = [row for row in judged.attacks if row.attack.began]
+    for axes, (times, lines, label) in zip(panels, quantities, strict=True):
+        prepare(axes)
+        axes.set_ylabel(label, color=INK)
+        for position, line in enumerate(lines):
+            colour, style = look(position)
+            axes.plot(times, line, color=colour, linestyle=style, linewidth=1.3)
+        _shade(axes, [(row.attack.start_step, row.attack.stop_step) for row in rows], timeline)
+    mean = curves.x.low[:, :, 0].mean(axis=1) / 2 + curves.x.high[:, :, 0].mean(axis=1) / 2
+    panels[0].plot(curves.x.starts(timeline.period_sec), mean, color=INK, linewidth=2.4, alpha=0.5)
+    _name_attacks(panels[0], rows)
+    handles: list[Line2D | Patch] = []
+    for position, dgu in enumerate(dgus):
+        colour, style = look(position)
+        handles.append(Line2D([], [], color=colour, linestyle=style, linewidth=1.6, label=f"DGU {dgu}"))
+    handles.append(Line2D([], [], color=INK, linewidth=2.4, alpha=0.5, label="mean of all"))
+    if rows:
+        handles.append(Patch(color=ALERT_SHADE, label="attack"))
+    figure.legend(
+        handles=handles,
+        loc="outside upper center",
+        ncols=min(len(handles), 5),
+        frameon=False,
+        fontsize=9,
+        handlelength=4,
+    )
+    panels[-1].set_xlabel("simulated time [s]", color=INK)
+    panels[-1].set_xlim(0.0, _end(timeline))
+    return figure
+
+
+def _name_attacks(axes: Axes, rows: Sequence[AttackRow]) -> None:
+    """Say which attack each shaded time is, one line an attack, where there is room."""
+    low, high = axes.get_ylim()
+    axes.set_ylim(low, high + 0.09 * min(len(rows), _MOST_LABELS) * (high - low))
+    for number, row in enumerate(rows[:_MOST_LABELS]):
+        links = ", ".join(str(link) for link in row.attack.links[:3]) + (" …" if len(row.attack.links) > 3 else "")  # noqa: PLR2004 - as many as fit
+        axes.text(
+            row.episode.start_sec,
+            0.99 - 0.06 * number,
+            f" {row.attack.kind} on {links}{'' if row.episode.detected else ' (missed)'}",
+            transform=axes.get_xaxis_transform(),
+            va="top",
+            fontsize=7.5,
+            color=ALERT,
+            clip_on=True,
+        )
+
+
+def draw_residuals(timeline: Timeline, judged: Judged) -> Figure:
+    """Largest |r_i| / threshold_i of every link, one panel and one curve each; an alarm is a curve above 1."""
+    shown = timeline.telling()
+    columns = min(_PANELS_PER_ROW, len(shown))
+    rows = -(-len(shown) // columns)
+    figure = Figure(figsize=(3.1 * columns + 0.6, 2.0 * rows + 1.1), layout="constrained")
+    grid = figure.subplots(rows, columns, sharex=True, sharey=True, squeeze=False)
+    high = timeline.curves.score.high[:, shown]
+    largest = float(np.nanmax(high, initial=3.0, where=np.isfinite(high)))
+    for number, position in enumerate(shown):
+        axes = grid[number // columns, number % columns]
+        prepare(axes)
+        _panel(axes, timeline, judged, position)
+        axes.set_yscale("log")
+        axes.set_ylim(_LEAST / 1.5, largest * 4.0)
+        axes.set_xlim(0.0, _end(timeline))
+        axes.xaxis.set_major_locator(MaxNLocator(5))
+    _legend(figure, grid, len(shown))
+    figure.supxlabel("simulated time [s]", fontsize=10, color=INK)
+    figure.supylabel(r"largest $|r_i|$ / threshold$_i$ [1]", fontsize=10, color=INK)
+    return figure
+
+
+def _legend(figure: Figure, grid: np.ndarray, used: int) -> None:
+    """Explain the marks: in the first free slot, or above the panels where there is none."""
+    handles: list[Line2D | Patch] = [
+        Line2D([], [], color=look(0)[0], linewidth=1.4, label="residual / threshold"),
+        Line2D([], [], color=INK, linewidth=1.0, linestyle="--", label="threshold: alarm above"),
+        Patch(color=BUSY, label="settles or calibrates"),
+        Patch(color=ALERT_SHADE, label="attack on this link"),
+        Line2D([], [], color=ALERT, marker="v", linestyle="", label="first alarm of an attack"),
+    ]
+    free = grid.flat[used:]
+    if not len(free):
+        figure.legend(handles=handles, loc="outside upper center", ncols=3, frameon=False, fontsize=9)
+        return
+    for axes in free:
+        axes.set_axis_off()
+    free[0].legend(handles=handles, loc="center left", frameon=False, fontsize=9)
+    for position in range(used, grid.size):
+        if position >= grid.shape[1]:
+            grid.flat[position - grid.shape[1]].tick_params(labelbottom=True)
+
+
+def _panel(axes: Axes, timeline: Timeline, judged: Judged, position: int) -> None:
+    row, intervals = judged.links[position], timeline.attack_intervals(timeline.run.links[position])
+    title = f"{row.link.source} → {row.link.target}"
+    if intervals:
+        axes.set_title(f"{title}   attacked", fontsize=9, fontweight="bold", color=ALERT)
+        for spine in axes.spines.values():
+            spine.set(color=ALERT, linewidth=1.4, visible=True)
+    else:
+        axes.set_title(title, fontsize=9, color=INK)
+    if not row.monitored:
+        axes.text(0.5, 0.5, "not monitored", transform=axes.transAxes, ha="center", color=MUTED, fontsize=9)
+        return
+    score = timeline.curves.score
+    times = score.starts(timeline.period_sec)
+    busy = np.asarray(timeline.phase[:: score.length, position] != Phase.ARMED.value)
+    axes.fill_between(
+        times, 0.0, 1.0, where=busy, step="post", transform=axes.get_xaxis_transform(), color=BUSY, linewidth=0
+    )
+    _shade(axes, intervals, timeline)
+    axes.axhline(1.0, color=INK, linewidth=1.0, linestyle="--")
+    axes.plot(times, np.maximum(score.high[:, position], _LEAST), color=look(0)[0], linewidth=1.0)
+    for episode in row.episodes:
+        if episode.alarm_step is not None:
+            at = episode.alarm_step * timeline.period_sec
+            axes.plot([at], [0.93], color=ALERT, marker="v", markersize=7, transform=axes.get_xaxis_transform())
+
+
+def _shade(axes: Axes, intervals: Sequence[tuple[int, int]], timeline: Timeline) -> None:
+    for start, stop in sorted(set(intervals)):
+        axes.axvspan(start * timeline.period_sec, stop * timeline.period_sec, color=ALERT_SHADE, linewidth=0, zorder=0)
+
+
+def _end(timeline: Timeline) -> float:
+    return max(timeline.duration_sec, timeline.period_sec)

@@ -1,0 +1,142 @@
+"""What a run says, as the tables or the JSON document that `dcmg run`, `simulate` and `replay` print."""
+
+from __future__ import annotations
+
+import json as json_module
+import math
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+from rich.table import Table
+
+from bags.reporting.documents import run_document
+from bags.reporting.judged import judge
+from bags.reporting.timeline import gather
+from dcmg.progress import shown
+
+if TYPE_CHECKING:
+    from collections.abc import Iterable, Sequence
+    from pathlib import Path
+
+    from bags.reporting.judged import AttackRow, Judged, LinkRow
+    from bags.reporting.team import TeamSummary
+    from bags.reporting.timeline import Timeline
+    from bags.runs.run_record import RunRecord
+
+
+def show_run(
+    windows: Iterable[RunRecord], steps: int, bag: Path, *, what: str, pictures: Path | None, json: bool
+) -> None:
+    """Go through a run once, draw it, and print what it says.
+
+    Args:
+        windows: Its consecutive windows; at least one.
+        steps: Its complete steps.
+        bag: What to give as the bag's path.
+        what: What is being done, for the progress bar.
+        pictures: Folder of the PNG files, None: none.
+        json: Print one JSON document instead of tables.
+    """
+    timeline = gather(shown(windows, steps, what), steps)
+    judged = judge(timeline)
+    drawn: Sequence[Path] = ()
+    if pictures is not None:
+        from bags.reporting.pictures import draw  # noqa: PLC0415 (heavy)
+
+        with Console(stderr=True).status("drawing"):
+            drawn = draw(timeline, judged, pictures)
+    document = run_document(timeline, judged, bag)
+    if json:
+        print(json_module.dumps({**document, "plots": [str(path) for path in drawn]}))  # noqa: T201
+        return
+    console = Console()
+    seed = "" if document["seed"] is None else f", seed {document['seed']}"
+    console.print(f"{document['scenario'] or bag.name}: {steps} steps{seed}", highlight=False, soft_wrap=True)
+    for table in tables(timeline, judged):
+        console.print(table)
+    console.print(f"bag:   {bag}", highlight=False, soft_wrap=True)
+    for path in drawn:
+        console.print(f"plot:  {path}", highlight=False, soft_wrap=True)
+
+
+def tables(timeline: Timeline, judged: Judged) -> list[Table]:
+    """Attacks, links, and the team where there is one."""
+    found = [_attacks(judged.attacks, timeline)] if judged.attacks else []
+    found.append(_links(judged.links, timeline))
+    return found if timeline.team is None else [*found, _team(timeline.team)]
+
+
+def attack_words(row: AttackRow, duration_sec: float) -> tuple[str, ...]:
+    """The row of an attack: kind, links, from, to, seen, accused."""
+    links = ", ".join(str(link) for link in row.attack.links)
+    start = f"{row.episode.start_sec:g}"
+    if not row.attack.began:
+        return (row.attack.kind, links, start, "", "never began", f"the run ended at {duration_sec:g} s")
+    delay = row.episode.delay_sec
+    stop = "end" if row.stop_sec is None else f"{row.stop_sec:g}"
+    accused = ", ".join(str(link) for link in row.accused) or "nobody"
+    if row.wrongly_accused:
+        accused += f"; wrongly {', '.join(str(link) for link in row.wrongly_accused)}"
+    others = [f"{name} {late:.2f}" for name, late in row.delays_sec.items() if late is not None]
+    if delay is None and others:
+        accused += f" (but: {', '.join(others)})"
+    return (row.attack.kind, links, start, stop, "missed" if delay is None else f"after {delay:.2f} s", accused)
+
+
+def attack_line(row: AttackRow, duration_sec: float) -> str:
+    """The row of an attack as a sentence."""
+    kind, links, start, stop, seen, accused = attack_words(row, duration_sec)
+    if not row.attack.began:
+        return f"{kind} on {links} from {start} s: {seen}, {accused}"
+    return (
+        f"{kind} on {links} from {start} s to {'the end' if stop == 'end' else f'{stop} s'}: {seen}, accused: {accused}"
+    )
+
+
+def _attacks(rows: Sequence[AttackRow], timeline: Timeline) -> Table:
+    table = Table("attack", "on link", "from [s]", "to [s]", "seen", "accused")
+    for column in table.columns:
+        column.overflow = "fold"  # a name that is cut short says nothing
+    for row in rows:
+        style = None if row.episode.detected else "bold red" if row.attack.began else "yellow"
+        table.add_row(*attack_words(row, timeline.duration_sec), style=style)
+    return table
+
+
+def _links(rows: Sequence[LinkRow], timeline: Timeline) -> Table:
+    alarms = "false alarms" if timeline.labelled else "alarms"
+    table = Table("link", "attacks seen", alarms, "|r|/threshold", "attacked")
+    for column in table.columns[1:]:
+        column.justify = "right"
+    for row in rows:
+        count = len(row.episodes)
+        table.add_row(
+            f"{row.link.source} → {row.link.target}",
+            f"{row.seen} of {count}" if count else "",
+            str(row.alarms) if row.monitored else "not monitored",
+            _number(row.quiet_score),
+            _number(row.attacked_score),
+            style="bold red" if count else None,
+        )
+    return table
+
+
+def _team(team: TeamSummary) -> Table:
+    table = Table(title=f"team: {team.verdict}", title_justify="left")
+    for heading in ("member", "there for [s]", "last error V", "I_t", "v", "accused by", "from [s]"):
+        table.add_column(heading, justify="right")
+    for one in team.members:
+        errors = ("", "", "") if one.last_error is None else (f"{value:.1e}" for value in one.last_error)
+        table.add_row(
+            str(one.member),
+            f"{one.present_sec:.2f}",
+            *errors,
+            ", ".join(map(str, one.accused_by)),
+            "" if one.first_accused_sec is None else f"{one.first_accused_sec:.2f}",
+            style="bold red" if one.accused_by else None,
+        )
+    return table
+
+
+def _number(value: float) -> str:
+    return "" if math.isnan(value) else f"{value:.2g}"
