@@ -51,10 +51,11 @@ def test_the_printed_document_names_the_attacked_link_alone(short_runs: Mapping[
     document = json.loads(finished.out)
     assert (document["scenario"], document["steps"], document["bag"]) == ("short", 200, str(bag))
     assert len(document["links"]) == 14
-    attacked = [link for link in document["links"] if link["attacked"]]
-    assert [(link["from"], link["to"], link["attack_start_sec"]) for link in attacked] == [("dgu_1", "dgu_2", 1.0)]
-    assert 0.0 <= attacked[0]["detection_delay_sec"] <= 0.03
-    assert all(link["alarm_sec"] is None for link in document["links"] if not link["attacked"])
+    (attack,) = document["attacks"]
+    assert (attack["links"], attack["from_sec"], attack["accused_by"]) == (["1-2"], 1.0, "1-2")
+    assert 0.0 <= attack["delay_sec"] <= 0.03
+    quiet = [link for link in document["links"] if not link["attacks"]]
+    assert [link["first_alarm_sec"] for link in quiet] == [None] * 13
 
 
 def test_replay_command_prints_the_same_links(
