@@ -7,6 +7,8 @@ import sys
 from typing import Annotated, Any
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # our matrices are small; a process with threads must not fork
+if "_DCMG_COMPLETE" in os.environ:
+    os.environ["TYPER_USE_RICH"] = "0"  # a shell waits for names, and rich takes longer than to find them
 
 import typer
 

@@ -5,7 +5,6 @@
 
 from __future__ import annotations
 
-from importlib import metadata, util
 from typing import Any
 
 from dcmg.errors import CommandError
@@ -27,6 +26,8 @@ def joined(name: str, what: str) -> Any:  # noqa: ANN401 (a function or a typer 
     Raises:
         CommandError: no installed package brings it, or what that package needs is missing.
     """
+    from importlib import metadata, util  # noqa: PLC0415 (takes its time, and most commands ask for nothing)
+
     found = metadata.entry_points(group=_GROUP, name=name)
     missing = [module for module in _ROS_MODULES if util.find_spec(module) is None]
     if not found or missing:

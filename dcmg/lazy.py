@@ -17,9 +17,6 @@ if TYPE_CHECKING:
 
 __all__ = ["Command", "Group", "LazyGroup", "commands_of"]
 
-LazyGroup = TyperGroup
-
-
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Command:
     """One command.
@@ -57,6 +54,18 @@ class Group:
     panel: str = "Commands"
 
 
+class LazyGroup(TyperGroup):
+    """A group that needs nothing but its own list to show it or to complete a word."""
+
+    def get_params(self, *arguments: Any) -> list[Any]:
+        """Return the options, a flag that is not given as False: None would be converted by pydantic, slow to import."""
+        found: list[Any] = super().get_params(*arguments)
+        for option in found:
+            if option.default is None and getattr(option, "is_flag", False):
+                option.default = False
+        return found
+
+
 class _Later(TyperCommand):
     """Stands for a command until its arguments are to be read."""
 
@@ -76,8 +85,8 @@ def commands_of(table: Sequence[Command | Group]) -> Mapping[str, Any]:
     return {one.name: _Later(one) if isinstance(one, Command) else _group(one) for one in table}
 
 
-def _group(group: Group) -> TyperGroup:
-    return TyperGroup(
+def _group(group: Group) -> LazyGroup:
+    return LazyGroup(
         name=group.name,
         help=group.does,
         rich_markup_mode="markdown",
