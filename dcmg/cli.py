@@ -64,7 +64,7 @@ def options(
 
 def main() -> None:
     """Run the command; what it refuses becomes one line on standard error and exit code 2."""
-    sys.exit(run_to_one_line(lambda: app(standalone_mode=False)))
+    sys.exit(run_to_one_line(lambda: app(prog_name="dcmg", standalone_mode=False)))
 
 
 if __name__ == "__main__":

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 __all__ = ["Command", "Group", "LazyGroup", "commands_of"]
 
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Command:
     """One command.
@@ -57,8 +58,8 @@ class Group:
 class LazyGroup(TyperGroup):
     """A group that needs nothing but its own list to show it or to complete a word."""
 
-    def get_params(self, *arguments: Any) -> list[Any]:
-        """Return the options, a flag that is not given as False: None would be converted by pydantic, slow to import."""
+    def get_params(self, *arguments: Any) -> list[Any]:  # noqa: ANN401 (typer's own are private)
+        """Return the options, with False for a flag that is not given: None would need pydantic, slow to import."""
         found: list[Any] = super().get_params(*arguments)
         for option in found:
             if option.default is None and getattr(option, "is_flag", False):

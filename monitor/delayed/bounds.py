@@ -9,7 +9,6 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.optimize import minimize_scalar
 
 from monitor.sight import accumulated
 
@@ -101,6 +100,8 @@ def certify(model: Model, window: Window, L: NDArray[np.float64], H: NDArray[np.
     For a fixed gain the tightest P^-1 of the LMI solves X = Q X Q' / (1 - a) + N N' / a, so mu = lambda_max(H X H'):
     a Lyapunov equation instead of a solver's word.
     """
+    from scipy.optimize import minimize_scalar  # noqa: PLC0415 (slow to import)
+
     Q, N = model.A - L @ window.Theta, L @ window.Gamma - window.Phi
     radius = float(np.max(np.abs(np.linalg.eigvals(Q)), initial=0.0))
     if np.linalg.norm(N) == 0.0:

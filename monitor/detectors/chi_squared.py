@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass as checked_dataclass
-from scipy.special import fdtri
 
 from monitor.detectors.levels import Divisor, levels_of
 from monitor.detectors.protocol import Verdict
@@ -151,6 +150,8 @@ class ChiSquaredDetector:
 
     def _limit(self, directions: Component, outputs: int) -> Component:
         """The limit for q directions; without any, for one."""
+        from scipy.special import fdtri  # noqa: PLC0415 (slow to import)
+
         n = self.schedule.calibrate_steps
         limit: Component = 0.0
         for q in range(outputs, 0, -1):

@@ -8,8 +8,6 @@ from typing import TYPE_CHECKING, NamedTuple
 
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass as checked_dataclass
-from scipy.optimize import brentq
-from scipy.special import ndtr
 
 from monitor.detectors.levels import Divisor, any_above, levels_of
 from monitor.detectors.protocol import Verdict
@@ -157,6 +155,8 @@ class CusumDetector:
 
 def exponent(drift: float) -> float:
     """Return theta > 0 with 2 exp(theta^2/2 - theta drift) Phi(theta) = 1."""
+    from scipy.optimize import brentq  # noqa: PLC0415 (slow to import)
+    from scipy.special import ndtr  # noqa: PLC0415 (slow to import)
 
     def logarithm(theta: float) -> float:
         return log(2.0 * float(ndtr(theta))) + 0.5 * theta * theta - theta * drift

@@ -7,7 +7,6 @@ from warnings import catch_warnings
 
 import numpy as np
 from scipy.linalg import solve_discrete_are
-from scipy.signal import place_poles
 
 from monitor.acceptor import unobservable
 from monitor.freedom.problem import Refusal
@@ -61,6 +60,8 @@ def default_poles(count: int, decay: float) -> NDArray[np.float64]:
 
 def assign(acceptors: Acceptors, poles: NDArray[np.float64]) -> NDArray[np.float64] | None:
     """Q (k, f) that puts the movable eigenvalues of W_x0 + Q N_x at `poles`; None when rounding keeps them away."""
+    from scipy.signal import place_poles  # noqa: PLC0415 (slow to import)
+
     A, mixing, N_x = acceptors.W_x0, *_row_basis(acceptors.N_x)
     if len(N_x) == len(A):  # every entry of A_UIO is free
         return np.asarray((np.diag(poles) - A) @ np.linalg.inv(N_x) @ mixing)

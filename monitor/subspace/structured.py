@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import cholesky_banded, null_space, solve_banded
-from scipy.optimize import least_squares
 
 from monitor.subspace.total_least_squares import total_least_squares
 from monitor.subspace.trajectories import Trajectories, join, split
@@ -28,6 +27,8 @@ def structured(
     tridiagonal, and the likelihood asks for the least s' Gamma(P)^-1 s (variable projection). P is searched as
     P0 + K P0_orthogonal about the total-least-squares solution P0.
     """
+    from scipy.optimize import least_squares  # noqa: PLC0415 (slow to import)
+
     m, n = len(data.U_p), len(data.X_p)
     start = total_least_squares(data, unknown_inputs, weights)
     if unknown_inputs >= n:
