@@ -9,6 +9,7 @@ import yaml
 
 from dgu_sim.errors import ScenarioError
 from dgu_sim.explain import shown
+from dgu_sim.yaml_limits import check_limits
 
 __all__ = ["apply_overrides", "embed_tables", "parse_yaml", "raised_by", "resolve_history_bag"]
 
@@ -36,6 +37,7 @@ def parse_yaml(text: str, source: str) -> dict[str, Any]:
         ScenarioError: It is no YAML (with the line) or no mapping.
     """
     try:
+        check_limits(text)
         data = yaml.load(text, Loader=_UniqueKeyLoader)  # noqa: S506 - derived from SafeLoader
     except yaml.YAMLError as error:
         raise ScenarioError(f"{source}{_place(error)}: expected YAML: {_reason(error)}") from error
@@ -141,6 +143,7 @@ def _split(override: str) -> tuple[list[str], object]:
     if not equals or not all(keys):
         raise ScenarioError(f"override {override!r}: expected KEY=VALUE, like secondary.gain=0.05")
     try:
+        check_limits(text)
         return keys, yaml.load(text, Loader=_UniqueKeyLoader)  # noqa: S506 - derived from SafeLoader
     except yaml.YAMLError as error:
         raise ScenarioError(f"override {override!r}: expected a YAML value: {_reason(error)}") from error

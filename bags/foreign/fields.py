@@ -1,7 +1,7 @@
 """Field paths: which number of which message, as in `/plant/state.position[0]`."""
 
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias, cast, final
 
@@ -12,7 +12,7 @@ from bags.mcap.errors import BagError
 # fields of each message type by name, as rosbags keeps them: (name, (node type, description)) each
 Definitions: TypeAlias = Mapping[str, Sequence[tuple[str, Any]]]
 
-_TOPIC = re.compile(r"/[A-Za-z0-9_~{}/]+")
+_TOPIC = re.compile(r"/?[^\s.\[\]]+")
 _KEY = re.compile(r"\.([A-Za-z]\w*)|\[(\d+)\]")
 _NUMBERS = frozenset(
     ["bool", "byte", "char", "octet", "float32", "float64"]
@@ -34,20 +34,27 @@ class FieldPath:
     keys: tuple[str | int, ...]
 
     @classmethod
-    def parse(cls, text: str) -> "FieldPath":
+    def parse(cls, text: str, topics: Iterable[str] = ()) -> "FieldPath":
         """From `/topic.field.inner[0]`.
+
+        Args:
+            text: As it is written.
+            topics: Known topics, whose names may hold anything, dots among them; the longest that fits counts.
 
         Raises:
             BagError: It is written in another way.
         """
-        topic, dot, rest = text.strip().partition(".")
+        known = max((one for one in topics if text.strip().startswith(f"{one}.")), key=len, default=None)
+        topic, dot, rest = (
+            text.strip().partition(".") if known is None else (known, ".", text.strip()[len(known) + 1 :])
+        )
         keys: list[str | int] = []
         at = 0
         rest = dot + rest
         while match := _KEY.match(rest, at):
             keys.append(match[1] or int(match[2]))
             at = match.end()
-        if not _TOPIC.fullmatch(topic) or not keys or at != len(rest):
+        if (known is None and not _TOPIC.fullmatch(topic)) or not keys or at != len(rest):
             raise BagError(f"field {text!r}: expected a topic and a field, as in /plant/state.position[0]")
         return cls(topic=topic, keys=tuple(keys))
 

@@ -1,7 +1,8 @@
-"""Recordings -> rows on one sampling grid, with a report of what was found."""
+"""Recordings -> rows on one sampling grid, block by block, with a report of what was found."""
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, field
+from heapq import merge
 from pathlib import Path
 from typing import Any, final
 
@@ -9,47 +10,134 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bags.foreign.mapping import SamplingSettings, Signal
-from bags.foreign.recordings import Recording
 from bags.foreign.regularity import Regularity, detected_period_ns, regularity
 from bags.foreign.sampling import Policy, Row, Sampler, SamplerState, Values
+from bags.foreign.track import Recording
+from bags.foreign.units import stated_factor
 from bags.mcap.errors import BagError
 
 _MOST_ROWS_A_MESSAGE = 1000  # more than that: the stamps jump
 _REPORT_EVERY = 1000  # messages
+_BLOCK = 1000  # rows
+_AT_ONCE = 4096  # messages of a track in memory
+
+Progress = Callable[[int, int], None]
 
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Grid:
+class Samples:
     """Samples of consecutive instants.
 
     Attributes:
-        period_ns: T_s [ns].
-        stated: Whether the mapping stated it.
-        start_ns: Instant of the first row.
-        present: Whether each recording has a sample, shape (rows, recordings).
-        values: Raw numbers by field, shape (rows,) each; NaN where there is none.
-        tracks: Which recording a field is in.
-        regularities: What the stamps of each recording say.
+        first_ns: Instant of the first row [ns].
+        present: Whether each track has a sample, shape (rows, tracks).
+        values: Raw numbers of each field, shape (rows, fields); NaN where there is none.
+        fields: Names of the fields.
+        tracks: In which track each field is.
+        units: Unit of each field as its file states it, "" where it does not.
     """
 
-    period_ns: int
-    stated: bool
-    start_ns: int
+    first_ns: int
     present: NDArray[np.bool_]
-    values: dict[str, NDArray[np.float64]]
-    tracks: dict[str, int]
-    regularities: tuple[Regularity, ...]
+    values: NDArray[np.float64]
+    fields: tuple[str, ...]
+    tracks: tuple[int, ...]
+    units: tuple[str, ...]
 
     def table(self, signals: Sequence[Signal]) -> NDArray[np.float64]:
         """Signals in SI units, shape (rows, signals)."""
-        columns = [self.values[one.field] * one.factor + one.offset for one in signals]
-        return np.stack(columns, axis=1) if columns else np.zeros((len(self.present), 0))
+        found = np.empty((len(self.values), len(signals)))
+        for position, one in enumerate(signals):
+            place = self.fields.index(one.field)
+            factor = one.factor * (stated_factor(self.units[place]) if one.is_bare else 1.0)
+            found[:, position] = self.values[:, place] * factor + one.offset
+        return found
 
-    def all_present(self, signals: Sequence[Signal]) -> NDArray[np.bool_]:
-        """Rows in which every recording that holds one of the signals has a sample."""
-        tracks = sorted({self.tracks[one.field] for one in signals})
-        return np.asarray(self.present[:, tracks].all(axis=1))
+    def delivered(self, signals: Sequence[Signal]) -> NDArray[np.bool_]:
+        """Rows in which every one of the signals has a sample, and each is a finite number: anything else is none."""
+        places = [self.fields.index(one.field) for one in signals]
+        tracks = sorted({self.tracks[place] for place in places})
+        finite = np.isfinite(self.values[:, places]).all(axis=1)
+        return np.asarray(self.present[:, tracks].all(axis=1) & finite, dtype=np.bool_)
+
+
+@final
+@dataclass(slots=True, kw_only=True)
+class Grid:
+    """Recordings on their way onto a grid: `blocks` is gone through once, and what it found is told afterwards.
+
+    Attributes:
+        source: What to call the recordings in messages.
+        period_ns: T_s [ns].
+        stated: Whether the mapping stated it.
+        regularities: What the stamps of each recording say.
+        rows: Rows so far.
+        incomplete: Those among them in which something is missing.
+        not_finite: Samples of each field so far that are no finite numbers, those that are missing not counted.
+        start_ns: Instant of the first row [ns].
+    """
+
+    source: Path
+    period_ns: int
+    stated: bool
+    regularities: tuple[Regularity, ...]
+    settings: SamplingSettings
+    rows: int = 0
+    incomplete: int = 0
+    not_finite: dict[str, int] = field(default_factory=dict)
+    start_ns: int = 0
+    _recordings: tuple[Recording, ...] = field(repr=False)
+    _orders: tuple[NDArray[np.intp], ...] = field(repr=False)
+    _span: tuple[int, int] = field(repr=False)
+    _progress: Progress = field(repr=False)
+
+    def blocks(self) -> Iterator[Samples]:
+        """All rows, at most a thousand at a time; the last ones in which nothing is present are left out.
+
+        Raises:
+            BagError: The sampling is irregular and the policy refuses that: behind the last block.
+        """
+        sampler = Sampler(
+            tracks=len(self._recordings),
+            period_ns=self.period_ns,
+            policy=self.settings.policy,
+            tolerance_ns=round(self.settings.tolerance * self.period_ns),
+            max_gap_ns=self.settings.max_gap_ns(self.period_ns),
+        )
+        waiting: list[Row] = []
+        last = 0  # rows up to the last one in which something is present
+        states = [sampler.init(self._span[0])]
+        for row in self._rows(sampler, states):
+            waiting.append(row)
+            if any(one is not None for one in row.values):
+                last = len(waiting)
+            if last >= _BLOCK:
+                yield self._samples(waiting[:last])
+                waiting, last = waiting[last:], 0
+        if last:
+            yield self._samples(waiting[:last])
+        if self.settings.policy is Policy.REFUSE:
+            _check_regular(self.source, self.regularities, states[0], self.settings, self.period_ns)
+
+    def whole(self) -> Samples:
+        """All rows at once.
+
+        Raises:
+            BagError: As `blocks`.
+        """
+        found = list(self.blocks())
+        if not found:
+            return self._samples([])
+        first = found[0]
+        return Samples(
+            first_ns=first.first_ns,
+            present=np.concatenate([one.present for one in found]),
+            values=np.concatenate([one.values for one in found]),
+            fields=first.fields,
+            tracks=first.tracks,
+            units=first.units,
+        )
 
     def document(self) -> dict[str, Any]:
         """For a JSON document."""
@@ -57,10 +145,64 @@ class Grid:
             "sampling_period_sec": self.period_ns * 1e-9,
             "sampling_period_stated": self.stated,
             "start_ns": self.start_ns,
-            "rows": len(self.present),
-            "rows_with_something_missing": int((~self.present.all(axis=1)).sum()),
+            "rows": self.rows,
+            "rows_with_something_missing": self.incomplete,
+            "not_finite": dict(self.not_finite),
             "recordings": [one.document() for one in self.regularities],
         }
+
+    def _rows(self, sampler: Sampler, states: list[SamplerState]) -> Iterator[Row]:
+        """All messages in the order of their stamps, through the sampler; the state is left in the list."""
+        state = states[0]
+        total = sum(len(one) for one in self._orders)
+        streams = [
+            _messages(track, one, order)
+            for track, (one, order) in enumerate(zip(self._recordings, self._orders, strict=True))
+        ]
+        latest = self._span[1] + self.period_ns // 2
+        before: int | None = None
+        for number, (stamp, track, _, values) in enumerate(merge(*streams)):
+            if stamp != before:
+                state, rows = sampler.advance(state, stamp)
+                yield from (row for row in rows if row.instant_ns <= latest)
+                before = stamp
+            state, rows = sampler.push(state, track, stamp, values)
+            yield from (row for row in rows if row.instant_ns <= latest)
+            if number % _REPORT_EVERY == 0:
+                self._progress(number, total)
+        state, rows = sampler.advance(state, self._span[1] + 2 * sampler.period_ns + sampler.max_gap_ns)
+        states[0] = state
+        yield from (row for row in rows if row.instant_ns <= latest)
+
+    def _samples(self, rows: Sequence[Row]) -> Samples:
+        fields = tuple(name for one in self._recordings for name in one.fields)
+        tracks = tuple(track for track, one in enumerate(self._recordings) for _ in one.fields)
+        values = np.full((len(rows), len(fields)), np.nan)
+        present = np.zeros((len(rows), len(self._recordings)), dtype=np.bool_)
+        widths = [len(one.fields) for one in self._recordings]
+        starts = np.concatenate([[0], np.cumsum(widths)]).tolist()
+        for number, row in enumerate(rows):
+            for track, found in enumerate(row.values):
+                if found is not None:
+                    present[number, track] = True
+                    values[number, starts[track] : starts[track + 1]] = found
+        finite = np.isfinite(values)
+        if not self.rows and rows:
+            self.start_ns = rows[0].instant_ns
+        self.rows += len(rows)
+        self.incomplete += int((~finite.all(axis=1)).sum())
+        for place, name in enumerate(fields):
+            odd = int((present[:, tracks[place]] & ~finite[:, place]).sum())
+            if odd:
+                self.not_finite[name] = self.not_finite.get(name, 0) + odd
+        return Samples(
+            first_ns=rows[0].instant_ns if rows else 0,
+            present=present,
+            values=values,
+            fields=fields,
+            tracks=tracks,
+            units=tuple(one.unit_of(name) for one in self._recordings for name in one.fields),
+        )
 
 
 def put_on_grid(
@@ -71,7 +213,7 @@ def put_on_grid(
     *,
     window_sec: tuple[float, float | None] = (0.0, None),
     common: bool = True,
-    progress: Callable[[int, int], None] = lambda _done, _all: None,
+    progress: Progress = lambda _done, _all: None,
 ) -> Grid:
     """Sample recordings together.
 
@@ -85,62 +227,70 @@ def put_on_grid(
         progress: Called with how many messages are sampled and how many there are.
 
     Raises:
-        BagError: Too few messages, no overlap in time, or the sampling is irregular and the policy refuses that.
+        BagError: Too few messages, or no overlap in time.
     """
-    found = _cut(source, recordings, window_sec)
-    period = period_ns or _detected(source, found[0])
-    looks = tuple(regularity(one.name, one.stamps_ns, one.values, period) for one in found)
-    _check_rates(source, looks, settings.policy, period)
-    start, end = _span(source, looks, period, common=common)
-    sampler = Sampler(
-        tracks=len(found),
-        period_ns=period,
-        policy=settings.policy,
-        tolerance_ns=round(settings.tolerance * period),
-        max_gap_ns=settings.max_gap_ns(period),
+    kept = _cut(source, recordings, window_sec)
+    first = recordings[0]
+    period = period_ns or _detected(source, first.name, first.stamps_ns[kept[0]])
+    # what is bridged may come more slowly than the grid
+    expected = period if settings.policy in {Policy.REFUSE, Policy.NEAREST} else None
+    looks = tuple(
+        regularity(one.name, one.stamps_ns, one.values, expected, rows)
+        for one, rows in zip(recordings, kept, strict=True)
     )
-    rows, state = _rows(sampler, found, start, end, progress)
-    if settings.policy is Policy.REFUSE:
-        _check_regular(source, looks, state, settings, period)
-    fields = {field: track for track, one in enumerate(found) for field in one.fields}
+    _check_rates(source, looks, settings, period)
     return Grid(
+        source=source,
         period_ns=period,
         stated=period_ns is not None,
-        start_ns=rows[0].instant_ns if rows else start,
-        present=np.array([[one is not None for one in row.values] for row in rows], dtype=np.bool_).reshape(
-            len(rows), len(found)
-        ),
-        values={field: _column(rows, track, found[track].fields.index(field)) for field, track in fields.items()},
-        tracks=fields,
         regularities=looks,
+        settings=settings,
+        _recordings=tuple(recordings),
+        _orders=tuple(
+            rows[np.argsort(one.stamps_ns[rows], kind="stable")] for one, rows in zip(recordings, kept, strict=True)
+        ),
+        _span=_span(source, looks, period, common=common),
+        _progress=progress,
     )
 
 
-def _cut(source: Path, recordings: Sequence[Recording], window_sec: tuple[float, float | None]) -> list[Recording]:
+def _messages(track: int, recording: Recording, order: NDArray[np.intp]) -> Iterator[tuple[int, int, int, Values]]:
+    """Stamp, track, number and values of the messages of a track in the order of their stamps."""
+    for start in range(0, len(order), _AT_ONCE):
+        rows = order[start : start + _AT_ONCE]
+        stamps = recording.stamps_ns[rows].tolist()
+        for number, (stamp, values) in enumerate(
+            zip(stamps, recording.values[rows].tolist(), strict=True), start=start
+        ):
+            yield stamp, track, number, tuple(values)
+
+
+def _cut(
+    source: Path, recordings: Sequence[Recording], window_sec: tuple[float, float | None]
+) -> list[NDArray[np.intp]]:
+    """Which messages of each recording are in the window."""
     begin = min(int(one.stamps_ns.min()) for one in recordings)
     start_sec, stop_sec = window_sec
     start = begin + round(start_sec * 1e9)
     stop = 2**63 - 1 if stop_sec is None else begin + round(stop_sec * 1e9)
     found = []
     for one in recordings:
-        kept = (one.stamps_ns >= start) & (one.stamps_ns < stop)
-        if not kept.any():
+        kept = np.flatnonzero((one.stamps_ns >= start) & (one.stamps_ns < stop))
+        if not len(kept):
             raise BagError(
                 f"{source}: {one.name} holds no message from {start_sec:g} s to "
                 f"{'the end' if stop_sec is None else f'{stop_sec:g} s'}, expected some"
             )
-        found.append(
-            Recording(name=one.name, fields=one.fields, stamps_ns=one.stamps_ns[kept], values=one.values[kept])
-        )
+        found.append(kept)
     return found
 
 
-def _detected(source: Path, recording: Recording) -> int:
-    period = detected_period_ns(recording.stamps_ns)
+def _detected(source: Path, name: str, stamps_ns: NDArray[np.int64]) -> int:
+    period = detected_period_ns(stamps_ns)
     if period is None:
         raise BagError(
-            f"{source}: {recording.name} holds {len(recording.stamps_ns)} messages with "
-            f"{len(np.unique(recording.stamps_ns))} instants, expected two or more to detect the sampling period"
+            f"{source}: {name} holds {len(stamps_ns)} messages with {len(np.unique(stamps_ns))} instants, expected two "
+            "or more to detect the sampling period"
         )
     return period
 
@@ -165,13 +315,21 @@ def _span(source: Path, looks: Sequence[Regularity], period_ns: int, *, common: 
     return start, end
 
 
-def _check_rates(source: Path, looks: Sequence[Regularity], policy: Policy, period_ns: int) -> None:
+def _check_rates(source: Path, looks: Sequence[Regularity], settings: SamplingSettings, period_ns: int) -> None:
     """A slow topic would leave most rows without a sample."""
+    bridged = settings.max_gap_ns(period_ns)
     for look in looks:
-        if policy in {Policy.REFUSE, Policy.NEAREST} and look.period_sec * 1e9 > 1.5 * period_ns:
+        if settings.policy in {Policy.REFUSE, Policy.NEAREST}:
+            if look.period_sec * 1e9 > 1.5 * period_ns:
+                raise BagError(
+                    f"{source}: {look.name} comes every {look.period_sec:g} s, the sampling period is "
+                    f"{period_ns * 1e-9:g} s: expected the same, or sampling.policy hold or linear with a longer "
+                    "sampling.max_gap_sec"
+                )
+        elif look.period_sec * 1e9 > bridged:
             raise BagError(
-                f"{source}: {look.name} comes every {look.period_sec:g} s, the sampling period is {period_ns * 1e-9:g} "
-                "s: expected the same, or sampling.policy hold or linear with a longer sampling.max_gap_sec"
+                f"{source}: {look.name} comes every {look.period_sec:g} s, {settings.policy.value} bridges at most "
+                f"{bridged * 1e-9:g} s: expected sampling.max_gap_sec (--max-gap) of {look.period_sec:g} or more"
             )
 
 
@@ -193,40 +351,3 @@ def _check_regular(
         f"{(state.example.stamp_ns - look.start_ns) * 1e-9:g} s: choose sampling.policy nearest, hold or linear, or "
         "another sampling.tolerance"
     )
-
-
-def _rows(
-    sampler: Sampler,
-    recordings: Sequence[Recording],
-    start_ns: int,
-    end_ns: int,
-    progress: Callable[[int, int], None],
-) -> tuple[list[Row], SamplerState]:
-    """All messages in the order of their stamps, through the sampler."""
-    stamps = np.concatenate([one.stamps_ns for one in recordings])
-    tracks = np.repeat(np.arange(len(recordings)), [len(one.stamps_ns) for one in recordings])
-    indices = np.concatenate([np.arange(len(one.stamps_ns)) for one in recordings])
-    order = np.argsort(stamps, kind="stable")
-    values: list[list[Values]] = [[tuple(row) for row in one.values.tolist()] for one in recordings]
-    state = sampler.init(start_ns)
-    found: list[Row] = []
-    merged = zip(stamps[order].tolist(), tracks[order].tolist(), indices[order].tolist(), strict=True)
-    for number, (stamp, track, index) in enumerate(merged):
-        state, rows = sampler.push(state, track, stamp, values[track][index])
-        found += rows
-        state, rows = sampler.advance(state, stamp)
-        found += rows
-        if number % _REPORT_EVERY == 0:
-            progress(number, len(order))
-    state, rows = sampler.advance(state, end_ns + 2 * sampler.period_ns + sampler.max_gap_ns)
-    half = sampler.period_ns // 2
-    kept = [row for row in [*found, *rows] if row.instant_ns <= end_ns + half]
-    while kept and not any(one is not None for one in kept[-1].values):
-        kept.pop()
-    return kept, state
-
-
-def _column(rows: Sequence[Row], track: int, position: int) -> NDArray[np.float64]:
-    nothing = float("nan")
-    found = ((nothing if (values := row.values[track]) is None else values[position]) for row in rows)
-    return np.fromiter(found, dtype=np.float64, count=len(rows))

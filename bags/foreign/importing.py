@@ -1,25 +1,31 @@
 """Foreign recordings -> bags of histories and of received streams."""
 
 import json
-from collections.abc import Callable, Sequence
+import shutil
+from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Mapping as MappingType
+from contextlib import contextmanager
 from dataclasses import dataclass
+from itertools import chain
 from pathlib import Path
 from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bags.foreign.gridding import Grid, put_on_grid
-from bags.foreign.mapping import HistoryMapping, Mapping, Signal
+from bags.foreign.gridding import Grid, Samples, put_on_grid
+from bags.foreign.mapping import HistoryMapping, Mapping, Signal, StreamMapping
 from bags.foreign.recordings import read_recordings
+from bags.foreign.units import unit_note
 from bags.mcap.errors import BagError
 from bags.mcap.writer import BagWriter
 from bags.mcap.yaml_text import dump
 from bags.runs.origin import MONITOR_ATTACHMENT, attach_versions
+from bags.sources.recorded import Known
 from bags.watch.histories import read_all_histories
-from bags.wire.codecs import OutputCodec
 from bags.wire.records import HistoryRecord
 from bags.wire.schema import RunTopics, run_topics
+from dgu_sim.grid import Link
 from dgu_sim.records import Sample
 
 MAPPING_ATTACHMENT = "mapping.yaml"
@@ -46,6 +52,7 @@ class ImportReport:
         samples: Rows in the bag.
         missing: Rows among them in which something is missing.
         experiments: Of each DGU, how many.
+        notes: What a person should know besides.
     """
 
     out: Path
@@ -53,14 +60,18 @@ class ImportReport:
     samples: int
     missing: int
     experiments: dict[int, int]
+    notes: tuple[str, ...] = ()
 
     def sentences(self) -> list[str]:
         """What a person should know, a line each."""
-        lines: list[str] = []
+        lines: list[str] = [*dict.fromkeys(self.notes)]
         for grid in self.grids.values():
             lines += [line for one in grid.regularities for line in one.sentences() if line not in lines]
             how = "stated" if grid.stated else "detected"
             lines += [line for line in [f"sampling period {grid.period_ns * 1e-9:g} s ({how})"] if line not in lines]
+            for name, count in grid.not_finite.items():
+                line = f"{name}: {count} samples are no finite numbers and count as missing"
+                lines += [line] if line not in lines else []
         return (
             [*lines, f"{self.missing} of {self.samples} samples are missing or incomplete"] if self.missing else lines
         )
@@ -73,16 +84,20 @@ class ImportReport:
             "missing": self.missing,
             "experiments": {str(dgu): count for dgu, count in self.experiments.items()},
             "sampling": {name: grid.document() for name, grid in self.grids.items()},
+            "notes": list(dict.fromkeys(self.notes)),
         }
 
 
-def import_histories(source: Path, mapping: Mapping, out: Path, progress: Progress = _silent) -> ImportReport:
+def import_histories(
+    source: Path, mapping: Mapping, out: Path, *, known: Known | None = None, progress: Progress = _silent
+) -> ImportReport:
     """Write the experiments that a mapping names as a bag of histories, from which monitors are designed.
 
     Args:
         source: Bag or table.
         mapping: Its `histories` say what is what.
         out: The bag's directory; must not exist.
+        known: Definitions for what a bag does not define itself.
         progress: Called with what is done, how much of it and of how much.
 
     Raises:
@@ -93,15 +108,16 @@ def import_histories(source: Path, mapping: Mapping, out: Path, progress: Progre
         raise BagError(f"{source}: the mapping has no key histories, expected what to make histories of")
     _check_absent(out)
     grids: dict[str, Grid] = {}
+    notes: list[str] = []
     found: dict[int, list[dict[str, NDArray[np.float64]]]] = {}
     period = mapping.period_ns
     for position, one in enumerate(mapping.histories):
         signals = [signal for table in one.tables.values() for signal in table]
-        grid = _gridded(
-            source, signals, mapping, window_sec=(one.start_sec, one.stop_sec), period_ns=period, progress=progress
-        )
+        job = _Job(source=source, mapping=mapping, known=known, progress=progress)
+        grid, said = job.grid(signals, window_sec=(one.start_sec, one.stop_sec), period_ns=period)
+        notes += said
         period = grid.period_ns
-        pieces = _experiments(grid, one)
+        pieces = _experiments(grid.whole(), one)
         if not pieces:
             raise BagError(f"{source}: histories.{position} has no two consecutive samples, expected more")
         found.setdefault(one.dgu, []).extend(pieces)
@@ -119,20 +135,28 @@ def import_histories(source: Path, mapping: Mapping, out: Path, progress: Progre
         samples=sum(len(record.y) for record in records),
         missing=sum(int((~np.isfinite(np.hstack([record.y, record.x]))).any(axis=1).sum()) for record in records),
         experiments={dgu: len(pieces) for dgu, pieces in found.items()},
+        notes=tuple(notes),
     )
     topics = run_topics(sorted(found), (), 1)
     codecs = {dgu: topics.history(dgu) for dgu in topics.dgus}
     with BagWriter(
         out, [codec.topic for codec in codecs.values()], custom_data={"imported_from": source.name}
     ) as writer:
-        _attach(writer, mapping, report)
+        attach_mapping(writer, mapping)
+        attach_report(writer, report)
         for record in records:
             writer.write(codecs[record.dgu].topic.name, 0, codecs[record.dgu].encode(record))
     return report
 
 
 def import_streams(
-    source: Path, mapping: Mapping, out: Path, history: Path | None = None, progress: Progress = _silent
+    source: Path,
+    mapping: Mapping,
+    out: Path,
+    history: Path | None = None,
+    *,
+    known: Known | None = None,
+    progress: Progress = _silent,
 ) -> ImportReport:
     """Write the received outputs that a mapping names as a bag that `dcmg replay` monitors.
 
@@ -141,10 +165,11 @@ def import_streams(
         mapping: Its `streams` say what is what; its `monitor` goes into the bag.
         out: The bag's directory; must not exist.
         history: Bag with histories of the watched DGUs, to be copied into the bag; None: a replay must name one.
+        known: Definitions for what a bag does not define itself.
         progress: As for `import_histories`.
 
     Raises:
-        BagError: As `import_histories`.
+        BagError: As `import_histories`; what was written until then is removed.
     """
     if not mapping.streams:
         raise BagError(f"{source}: the mapping has no key streams, expected what to make received streams of")
@@ -152,99 +177,128 @@ def import_streams(
     sources = {one.ends.source for one in mapping.streams}
     histories = [] if history is None else [one for one in read_all_histories(history) if one.dgu in sources]
     signals = [signal for one in mapping.streams for signal in one.signals]
-    window = (mapping.start_sec, mapping.stop_sec)
-    grid = _gridded(
-        source, signals, mapping, window_sec=window, period_ns=mapping.period_ns, progress=progress, common=False
+    job = _Job(source=source, mapping=mapping, known=known, progress=progress)
+    grid, notes = job.grid(
+        signals, window_sec=(mapping.start_sec, mapping.stop_sec), period_ns=mapping.period_ns, common=False
     )
     links = [one.ends for one in mapping.streams]
     topics = run_topics(sorted({end for link in links for end in (link.source, link.target)}), links, grid.period_ns)
-    samples = {one.ends: _samples(grid, one.y, one.delivered) for one in mapping.streams}
-    columns = [(topics.received(link), *samples[link]) for link in topics.links]
-    report = ImportReport(
-        out=out,
-        grids={"streams": grid},
-        samples=len(grid.present),
-        missing=int((~np.stack([delivered for _, _, delivered in columns])).any(axis=0).sum()),
-        experiments={dgu: sum(one.dgu == dgu for one in histories) for dgu in sorted(sources) if histories},
-    )
+    blocks = grid.blocks()
+    first = next(blocks, None)
+    if first is None:
+        raise BagError(f"{source}: gives no sample, expected some")
     codecs = {one.dgu: topics.history(one.dgu) for one in histories}
     announced = [*topics.heard, *(codec.topic for codec in codecs.values())]
     custom = {"imported_from": source.name, "start_ns": str(grid.start_ns)}
-    with BagWriter(out, announced, custom_data=custom) as writer:
-        _attach(writer, mapping, report)
+    with _removed_on_failure(out), BagWriter(out, announced, custom_data=custom) as writer:
+        attach_mapping(writer, mapping)
         for record in histories:
             writer.write(codecs[record.dgu].topic.name, 0, codecs[record.dgu].encode(record))
-        _write_steps(writer, topics, columns, progress)
+        steps = _Steps(writer, topics, {one.ends: one for one in mapping.streams})
+        for block in chain([first], blocks):
+            steps.write(block)
+        report = ImportReport(
+            out=out,
+            grids={"streams": grid},
+            samples=steps.count,
+            missing=steps.missing,
+            experiments={dgu: sum(one.dgu == dgu for one in histories) for dgu in sorted(sources) if histories},
+            notes=tuple(notes),
+        )
+        attach_report(writer, report)
     return report
 
 
-def _gridded(
-    source: Path,
-    signals: Sequence[Signal],
-    mapping: Mapping,
-    *,
-    window_sec: tuple[float, float | None],
-    period_ns: int | None,
-    progress: Progress,
-    common: bool = True,
-) -> Grid:
-    fields = list(dict.fromkeys(signal.field for signal in signals))
-    recordings = read_recordings(source, fields, mapping, lambda done, total: progress("reading", done, total))
-    return put_on_grid(
-        source,
-        recordings,
-        mapping.sampling,
-        period_ns,
-        window_sec=window_sec,
-        common=common,
-        progress=lambda done, total: progress("sampling", done, total),
-    )
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Job:
+    """Reads a source."""
+
+    source: Path
+    mapping: Mapping
+    known: Known | None
+    progress: Progress
+
+    def grid(
+        self,
+        signals: Sequence[Signal],
+        *,
+        window_sec: tuple[float, float | None],
+        period_ns: int | None,
+        common: bool = True,
+    ) -> tuple[Grid, list[str]]:
+        """Signals on their way onto a grid, and what a person should know."""
+        fields = list(dict.fromkeys(signal.field for signal in signals))
+        read = read_recordings(
+            self.source, fields, self.mapping, self.known, lambda done, total: self.progress("reading", done, total)
+        )
+        bare = {signal.field for signal in signals if signal.is_bare}
+        units = [unit_note(name, one.unit_of(name)) for one in read.recordings for name in one.fields if name in bare]
+        grid = put_on_grid(
+            self.source,
+            read.recordings,
+            self.mapping.sampling,
+            period_ns,
+            window_sec=window_sec,
+            common=common,
+            progress=lambda done, total: self.progress("sampling", done, total),
+        )
+        return grid, [*read.notes, *(one for one in units if one)]
 
 
-def _experiments(grid: Grid, mapping: HistoryMapping) -> list[dict[str, NDArray[np.float64]]]:
+def _experiments(samples: Samples, mapping: HistoryMapping) -> list[dict[str, NDArray[np.float64]]]:
     """Tables of each stretch between long gaps; within it, what is missing is NaN."""
-    present = np.flatnonzero(grid.present.any(axis=1))
+    present = np.flatnonzero(samples.present.any(axis=1))
     if not len(present):
         return []
     cuts = np.flatnonzero(np.diff(present) > LONGEST_GAP_ROWS) + 1
-    tables = {name: grid.table(signals) for name, signals in mapping.tables.items()}
+    tables = {name: samples.table(signals) for name, signals in mapping.tables.items()}
     spans = [(int(part[0]), int(part[-1]) + 1) for part in np.split(present, cuts)]
     return [
         {name: table[start:end] for name, table in tables.items()} for start, end in spans if end - start >= _SHORTEST
     ]
 
 
+@final
+class _Steps:
+    """Writes rows as the steps of a run."""
+
+    def __init__(self, writer: BagWriter, topics: RunTopics, streams: MappingType[Link, StreamMapping]) -> None:
+        """Start at step 0."""
+        self._writer, self._topics = writer, topics
+        self._streams = [(topics.received(link), streams[link]) for link in topics.links]
+        self.count, self.missing = 0, 0
+
+    def write(self, block: Samples) -> None:
+        """Write one block: a sample of which anything is missing or no finite number is not delivered."""
+        clock, tick = self._topics.clock(), self._topics.tick()
+        columns = [(codec, *_samples(block, one.y, one.delivered)) for codec, one in self._streams]
+        arrived = np.stack([delivered for _, _, delivered in columns])
+        self.missing += int((~arrived).any(axis=0).sum())
+        for row in range(len(block.values)):
+            stamp = self._topics.stamp_ns(self.count)
+            self._writer.write(clock.topic.name, stamp, clock.encode(self.count))
+            self._writer.write(tick.topic.name, stamp, tick.encode(self.count))
+            for codec, vectors, delivered in columns:
+                vector = vectors[row].tolist()
+                sample = Sample(y=(vector[0], vector[1], vector[2]), delivered=bool(delivered[row]))
+                self._writer.write(codec.topic.name, stamp, codec.encode(self.count, sample))
+            self.count += 1
+
+
 def _samples(
-    grid: Grid, y: Sequence[Signal], delivered: Signal | None
+    block: Samples, y: Sequence[Signal], delivered: Signal | None
 ) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
     """Received vectors, shape (rows, 3), NaN beyond the outputs that are sent, and whether each was delivered."""
-    vectors = np.full((len(grid.present), _WIDTH), np.nan)
-    vectors[:, : len(y)] = grid.table(y)
-    arrived = grid.all_present([*y, *([delivered] if delivered else [])])
+    if len(y) > _WIDTH:
+        raise BagError(f"a stream has {len(y)} outputs, expected at most {_WIDTH}")
+    vectors = np.full((len(block.values), _WIDTH), np.nan)
+    vectors[:, : len(y)] = block.table(y)
+    arrived = block.delivered(y) & np.isfinite(vectors[:, : len(y)]).all(axis=1)
     if delivered is not None:
-        said = grid.table([delivered])[:, 0]
-        arrived = arrived & np.isfinite(said) & (said != 0.0)
+        said = block.table([delivered])[:, 0]
+        arrived = arrived & block.delivered([delivered]) & (said != 0.0)
     return vectors, arrived
-
-
-def _write_steps(
-    writer: BagWriter,
-    topics: RunTopics,
-    columns: Sequence[tuple[OutputCodec, NDArray[np.float64], NDArray[np.bool_]]],
-    progress: Progress,
-) -> None:
-    clock, tick = topics.clock(), topics.tick()
-    rows = len(columns[0][2])
-    for step in range(rows):
-        stamp = topics.stamp_ns(step)
-        writer.write(clock.topic.name, stamp, clock.encode(step))
-        writer.write(tick.topic.name, stamp, tick.encode(step))
-        for codec, vectors, arrived in columns:
-            vector = vectors[step].tolist()
-            sample = Sample(y=(vector[0], vector[1], vector[2]), delivered=bool(arrived[step]))
-            writer.write(codec.topic.name, stamp, codec.encode(step, sample))
-        if step % 1000 == 0:
-            progress("writing", step, rows)
 
 
 def attach_mapping(writer: BagWriter, mapping: Mapping) -> None:
@@ -258,9 +312,19 @@ def attach_mapping(writer: BagWriter, mapping: Mapping) -> None:
     attach_versions(writer)
 
 
-def _attach(writer: BagWriter, mapping: Mapping, report: ImportReport) -> None:
-    attach_mapping(writer, mapping)
+def attach_report(writer: BagWriter, report: ImportReport) -> None:
+    """Put what became of a recording into the bag."""
     writer.attach(REPORT_ATTACHMENT, json.dumps(report.document(), indent=1).encode(), "application/json")
+
+
+@contextmanager
+def _removed_on_failure(out: Path) -> Iterator[None]:
+    """Leave no half of a bag behind."""
+    try:
+        yield
+    except BaseException:
+        shutil.rmtree(out, ignore_errors=True)
+        raise
 
 
 def _check_absent(out: Path) -> None:

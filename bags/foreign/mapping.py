@@ -61,6 +61,11 @@ class Signal(Frozen):
         return self
 
     @property
+    def is_bare(self) -> bool:
+        """Whether nothing says how large the raw number 1 is: then the recording may."""
+        return self.unit == "1" and self.scale == 1.0
+
+    @property
     def factor(self) -> float:
         """SI value of the raw number 1, without the offset."""
         return self.scale * factor_of(self.unit)
@@ -111,7 +116,7 @@ class StreamMapping(Frozen):
     """What one DGU receives from another."""
 
     link: str = Field(description='"SOURCE-TARGET": from the watched DGU to the one that hosts the monitor.')
-    y: Signals = Field(min_length=1, max_length=_OUTPUTS, description="Received outputs, those of the history.")
+    y: Signals = Field(min_length=1, description="Received outputs, those of the history.")
     delivered: OneSignal | None = Field(
         default=None, description="0 where the link lost the sample; default: all came."
     )

@@ -6,6 +6,8 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+from bags.foreign.spill import Rows
+
 _ROUND_DIGITS = 3
 _ROUND_WITHIN = 1e-3  # a period this close to a number of three digits is that number
 _GAP = 1.5  # steps longer than this many periods are gaps
@@ -93,7 +95,11 @@ class Regularity:
 
 
 def regularity(
-    name: str, stamps_ns: NDArray[np.int64], values: NDArray[np.float64], period_ns: int | None = None
+    name: str,
+    stamps_ns: NDArray[np.int64],
+    values: Rows,
+    period_ns: int | None = None,
+    rows: NDArray[np.intp] | None = None,
 ) -> Regularity:
     """Look at the stamps of a track.
 
@@ -102,12 +108,16 @@ def regularity(
         stamps_ns: In the order of the file, shape (messages,), at least one.
         values: What each message says, shape (messages, signals).
         period_ns: T_s if it is known, else the median step counts.
+        rows: Which messages count; None: all.
     """
+    if rows is not None:
+        stamps_ns = stamps_ns[rows]
     order = np.argsort(stamps_ns, kind="stable")
     ordered = stamps_ns[order]
     steps = np.diff(ordered)
     same = steps == 0
-    before, after = values[order[:-1]][same], values[order[1:]][same]
+    places = order if rows is None else rows[order]
+    before, after = values[places[:-1][same]], values[places[1:][same]]
     agree = ((before == after) | (np.isnan(before) & np.isnan(after))).all(axis=1)
     steps, ends = steps[~same], ordered[1:][~same]
     period = float(np.median(steps)) if len(steps) else float("nan")

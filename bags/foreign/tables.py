@@ -1,88 +1,60 @@
-"""CSV and Parquet files as columns of numbers."""
+"""Tables of any kind, told apart by the names of their files."""
 
-import csv
-from collections.abc import Sequence
-from importlib import import_module
+from collections.abc import Callable, Mapping
 from pathlib import Path
+from typing import Final
 
-import numpy as np
-from numpy.typing import NDArray
-
+from bags.foreign.column_files import open_hdf5, open_mat, open_netcdf3, open_parquet, open_spreadsheet
+from bags.foreign.columns import Table
+from bags.foreign.text_tables import SUFFIXES as TEXT_SUFFIXES
+from bags.foreign.text_tables import open_text
 from bags.mcap.errors import BagError
+from bags.sources.kinds import POINTERS, kind_of
 
-_SUFFIXES = (".csv", ".parquet")
+_HDF5_MAGIC = b"\x89HDF"
+_NETCDF: Final = (".nc", ".netcdf", ".cdf")
+_READERS: Mapping[str, Callable[[Path], Table]] = {
+    **dict.fromkeys(TEXT_SUFFIXES, open_text),
+    **dict.fromkeys((".parquet", ".pq"), open_parquet),
+    **dict.fromkeys((".h5", ".hdf5", ".hdf"), open_hdf5),
+    ".mat": open_mat,
+    ".xlsx": open_spreadsheet,
+}
+# known, and read by nothing here
+_OTHERS: Final = {
+    ".xls": "save it as .xlsx or .csv",
+    ".ods": "save it as .xlsx or .csv",
+    ".feather": "save it as .parquet",
+    ".arrow": "save it as .parquet",
+    ".json": "save it as .csv",
+    ".tdms": "save it as .csv or .h5",
+    ".pkl": "a pickle runs code when it is opened: save it as .parquet",
+    ".npy": "save it as .csv or .parquet",
+    ".npz": "save it as .csv or .parquet",
+}
 
 
 def is_table(source: Path) -> bool:
     """Whether the name of a file says that it is a table."""
-    return source.suffix.lower() in _SUFFIXES
+    name = source.name.lower()
+    return not source.is_dir() and name.endswith((*_READERS, *_NETCDF, *_OTHERS))
 
 
-def read_columns(file: Path, names: Sequence[str]) -> dict[str, NDArray[np.float64]]:
-    """Some columns of a table; an empty cell, null or NaN is a missing value.
-
-    Args:
-        file: `*.csv` with names in the first row, or `*.parquet`.
-        names: The columns.
+def open_table(file: Path) -> Table:
+    """Open a table.
 
     Raises:
-        BagError: The file cannot be read, a column is missing, or holds something besides numbers.
+        BagError: It cannot be read, or is of a kind that is not supported: one line.
     """
-    columns = all_columns(file)
-    found: dict[str, NDArray[np.float64]] = {}
-    for name in names:
-        if name not in columns:
-            raise BagError(f"{file}: has no column {name!r}, found {', '.join(columns):.300}")
-        try:
-            found[name] = np.array([_number(cell) for cell in columns[name]], dtype=np.float64)
-        except (TypeError, ValueError) as error:
-            raise BagError(f"{file}: column {name} holds something besides numbers ({error})") from error
-        if np.isinf(found[name]).any():
-            row = int(np.flatnonzero(np.isinf(found[name]))[0])
-            raise BagError(f"{file}: column {name} holds {found[name][row]} in row {row}, expected a number")
-    return found
-
-
-def all_columns(file: Path) -> dict[str, Sequence[object]]:
-    """Every column of a table by name, as it stands there.
-
-    Raises:
-        BagError: The file cannot be read.
-    """
-    try:
-        return _parquet(file) if file.suffix.lower() == ".parquet" else _csv(file)
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise BagError(f"{file}: cannot be read ({error})") from error
-
-
-def _number(cell: object) -> float:
-    if cell is None or cell == "":
-        return float("nan")
-    if isinstance(cell, str):
-        truth = {"true": 1.0, "false": 0.0}.get(cell.strip().lower())
-        return float(cell) if truth is None else truth
-    return float(cell)  # type: ignore[arg-type]  # whatever Parquet holds: float() raises for what is no number
-
-
-def _csv(file: Path) -> dict[str, Sequence[object]]:
-    with file.open(newline="", encoding="utf-8-sig") as stream:
-        rows = [row for row in csv.reader(stream) if row]
-    head = [name.strip() for name in rows[0]] if rows else []
-    for number, row in enumerate(rows[1:]):
-        if len(row) != len(head):
-            raise BagError(f"{file}: row {number} has {len(row)} cells, expected {len(head)}")
-    return {name: [row[position] for row in rows[1:]] for position, name in enumerate(head)}
-
-
-def _parquet(file: Path) -> dict[str, Sequence[object]]:
-    try:
-        parquet = import_module("pyarrow.parquet")
-    except ImportError as error:
-        raise BagError("Parquet needs the Python package pyarrow, found none: pip install pyarrow") from error
-    try:
-        table = parquet.read_table(file)
-    except OSError:
-        raise
-    except Exception as error:  # pyarrow raises its own kinds for what is no Parquet
-        raise BagError(f"{file}: is no Parquet file ({' '.join(str(error).split())})") from error
-    return {str(name): table[name].to_pylist() for name in table.column_names}
+    name = file.name.lower()
+    other = next((advice for suffix, advice in _OTHERS.items() if name.endswith(suffix)), None)
+    if other is not None:
+        raise BagError(f"{file}: tables of this kind are not supported: {other}")
+    kind = kind_of(file)
+    if kind in POINTERS:
+        raise BagError(f"{file}: is {kind.value}")
+    if name.endswith(_NETCDF):
+        with file.open("rb") as stream:
+            return open_hdf5(file) if stream.read(4) == _HDF5_MAGIC else open_netcdf3(file)
+    suffix = max((one for one in _READERS if name.endswith(one)), key=len)
+    return _READERS[suffix](file)

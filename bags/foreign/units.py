@@ -19,3 +19,22 @@ def factor_of(unit: str) -> float:
     if match is None:
         raise BagError(f"unit {unit!r}: expected one of V, A, V s, s, W, Ohm, with n, u, m, k or M before it, or 1")
     return _PREFIXES[match[1]]
+
+
+def stated_factor(unit: str) -> float:
+    """SI value of one unit as a file states it; 1 for what is unknown or unstated."""
+    try:
+        return factor_of(unit) if unit else 1.0
+    except BagError:
+        return 1.0
+
+
+def unit_note(name: str, unit: str) -> str:
+    """What a person should know about a unit that a file states, "" when it changes nothing."""
+    if not unit or unit == "1":
+        return ""
+    try:
+        factor = factor_of(unit)
+    except BagError:
+        return f"{name}: the unit {unit!r} of the file is unknown, its numbers were taken as they are"
+    return f"{name}: in {unit}, as the file says" if factor != 1.0 else ""

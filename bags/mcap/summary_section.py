@@ -11,6 +11,7 @@ from bags.mcap.chunk_table import ChunkEntry, ChunkTable, chunk_table, read_entr
 from bags.mcap.file_bytes import FileBytes
 from bags.mcap.frames import FRAME, HEAD, MAGIC, ends_with_magic, read_frame
 
+NO_SUMMARY = "the file has no summary"
 _FOOTER_LENGTH = FRAME + 20
 
 
@@ -50,7 +51,7 @@ def summary_of(source: FileBytes) -> SummarySection | str:
         return "the footer is damaged"
     footer: Footer = frame.record
     if not footer.summary_start:
-        return "the file has no summary"
+        return NO_SUMMARY
     if not len(MAGIC) <= footer.summary_start <= at:
         return f"the footer points to a summary at {footer.summary_start}, outside the file's {source.size} bytes"
     crc = source.crc32(footer.summary_start, source.size - len(MAGIC) - 4)

@@ -16,6 +16,7 @@ from bags.foreign.importing import import_histories, import_streams
 from bags.foreign.mapping import Mapping, Stamps, load_data, mapping_of
 from bags.foreign.outline import Described, describe_source
 from bags.foreign.sampling import Policy
+from dcmg.commands.definitions import EXIT_LEFT_OUT, known_definitions
 from dcmg.errors import CommandError
 
 if TYPE_CHECKING:
@@ -28,14 +29,14 @@ _COMMAND_LINE = "command line"
 app = typer.Typer(
     no_args_is_help=True,
     rich_markup_mode="markdown",
-    help="""Bring measurements of other programs in: bags (rosbag2 with MCAP or sqlite3, ROS 1), tables (CSV, Parquet).
+    help="""Bring measurements of other programs in: bags (rosbag2 with MCAP or sqlite3, ROS 1), tables, flight logs.
 
 A *field* is `/topic.field.inner[0]` in a bag and the name of a column in a table; `field*factor` brings it to SI units.
 A mapping file says the same and more: docs/import.md. Start with `dcmg import inspect SOURCE`.""",
 )
 
 Source = Annotated[
-    Path, typer.Argument(help="rosbag2 folder, .mcap, .db3 or .bag file; .csv or .parquet table", show_default=False)
+    Path, typer.Argument(help="rosbag2 folder, .mcap, .db3 or .bag file; table; ULog", show_default=False)
 ]
 MappingFile = Annotated[
     Path | None, typer.Option("--mapping", metavar="FILE", help="mapping file; the options below change it")
@@ -50,6 +51,14 @@ PolicyOption = Annotated[
 ]
 Tolerance = Annotated[float | None, typer.Option(help="share of the period by which an instant may be off [0.01]")]
 MaxGap = Annotated[float | None, typer.Option(metavar="SECONDS", help="longest time that hold or linear bridges [s]")]
+Definitions = Annotated[
+    list[Path] | None,
+    typer.Option(
+        metavar="DIR",
+        help="folder of .msg files for types that the bag does not define itself; repeatable",
+        show_default=False,
+    ),
+]
 Json = Annotated[bool, typer.Option("--json", help="print the result as one JSON document, and nothing else there")]
 
 
@@ -59,14 +68,23 @@ def main() -> None:
 
 
 @app.command()
-def inspect(source: Source, *, json: Json = False) -> None:
-    """Show what a bag or table holds: topics, numeric fields, period, jitter, gaps."""
-    found = describe_source(source)
+def inspect(source: Source, *, definitions: Definitions = None, json: Json = False) -> None:
+    """Show what a bag or table holds: topics, numeric fields, period, jitter, gaps.
+
+    Exit code 3 when a topic with messages cannot be read: it is named, counted and left out.
+    """
+    found = describe_source(source, known_definitions(definitions))
     if json:
-        typer.echo(json_module.dumps([one.document() for one in found]))
-        return
-    for one in found:
-        _show_topic(one)
+        typer.echo(json_module.dumps([one.document() for one in found.topics]))
+    else:
+        for line in found.notes:
+            typer.echo(line)
+        for one in found.topics:
+            _show_topic(one)
+    if found.left_out:
+        names = ", ".join(f"{one.name} ({one.messages} messages)" for one in found.left_out)
+        typer.echo(f"left out, because it cannot be read: {names}", err=True)
+        raise typer.Exit(EXIT_LEFT_OUT)
 
 
 @app.command()
@@ -89,13 +107,15 @@ def history(
     policy: PolicyOption = None,
     tolerance: Tolerance = None,
     max_gap: MaxGap = None,
+    definitions: Definitions = None,
     json: Json = False,
 ) -> None:
     """Write measurements as a history, from which `dcmg design`, `run --history` and `monitor` design observers."""
     entry = {"dgu": dgu, "y": y, "x": x, "u": u, "d": d, "w": w}
     changes = _changes(time=time, period=period, stamps=stamps, policy=policy, tolerance=tolerance, max_gap=max_gap)
     found = _mapping(mapping, "histories", entry, needed=("dgu", "y"), changes=changes)
-    report = _with_progress(lambda progress: import_histories(source, found, out, progress))
+    known = known_definitions(definitions)
+    report = _with_progress(lambda progress: import_histories(source, found, out, known=known, progress=progress))
     counts = ", ".join(f"{count} of DGU {number}" for number, count in report.experiments.items())
     _tell(report, f"{report.samples} samples in experiments ({counts}) are in {out}", json=json)
 
@@ -118,13 +138,17 @@ def stream(
     policy: PolicyOption = None,
     tolerance: Tolerance = None,
     max_gap: MaxGap = None,
+    definitions: Definitions = None,
     json: Json = False,
 ) -> None:
     """Write measurements as received outputs, which `dcmg replay` monitors."""
     entry = {"link": link, "y": y, "delivered": delivered}
     changes = _changes(time=time, period=period, stamps=stamps, policy=policy, tolerance=tolerance, max_gap=max_gap)
     found = _mapping(mapping, "streams", entry, needed=("link", "y"), changes=changes)
-    report = _with_progress(lambda progress: import_streams(source, found, out, history, progress))
+    known = known_definitions(definitions)
+    report = _with_progress(
+        lambda progress: import_streams(source, found, out, history, known=known, progress=progress)
+    )
     _tell(report, f"{report.samples} samples of {len(found.streams)} link(s) are in {out}", json=json)
 
 
@@ -205,8 +229,17 @@ def _tell(report: ImportReport, result: str, *, json: bool) -> None:
 
 
 def _show_topic(one: Described) -> None:
-    typer.echo(f"{one.name}  {one.type_name}, {one.messages} messages")
+    count = "an unknown number of rows" if one.messages < 0 else f"{one.messages} messages"
+    typer.echo(f"{one.name}  {one.type_name}, {count}")
+    if one.unreadable:
+        typer.echo(f"    cannot be read: {one.unreadable}")
+        return
     for line in one.regularity.sentences()[:6] if one.regularity else ():
         typer.echo(f"    {line.partition(': ')[2]}")
-    if one.fields:
-        typer.echo(f"    numbers: {' '.join(one.fields)}")
+    if one.clock.startswith("recorded,"):
+        typer.echo(f"    clock: {one.clock}")
+    for what, names in (("numbers", one.fields), ("times", one.times), ("texts", one.texts)):
+        if names:
+            typer.echo(f"    {what}: {' '.join(names)}")
+    if one.units:
+        typer.echo(f"    units: {', '.join(f'{name} [{unit}]' for name, unit in one.units)}")

@@ -1,0 +1,1 @@
+"""Recordings of any origin, message by message: MCAP, sqlite3, ROS 1."""

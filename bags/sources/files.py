@@ -1,0 +1,173 @@
+"""Which files a recording consists of, and what metadata.yaml says about them."""
+
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path, PurePosixPath
+from tempfile import TemporaryDirectory
+from typing import Any, final
+
+import yaml
+import zstandard
+
+from bags.mcap.errors import BagError
+from bags.mcap.metadata import METADATA_FILE, ROOT_KEY
+from bags.mcap.yaml_text import load
+from bags.sources.kinds import Kind, check_regular, kind_of
+
+_SUFFIXES = (".mcap", ".db3", ".bag", ".mcap.zstd", ".db3.zstd", ".mcap.zst", ".db3.zst")
+_MOST_DIGITS = 18
+_PIECE = 1024 * 1024
+_EXPANSION = 100  # a file that grows more than this is a bomb; recordings grow three- to tenfold
+_ALWAYS = 1_000_000_000  # bytes that every file may grow to
+_MOST_METADATA = 4_000_000
+
+
+@final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Listing:
+    """The files of a recording in order, and what is said about them.
+
+    Attributes:
+        files: As they stand in the folder, compressed or not.
+        types: Message type of each topic.
+        stated: Number of messages of each topic.
+        information: metadata.yaml, {} without one.
+        notes: What a person should know.
+    """
+
+    files: tuple[Path, ...]
+    types: Mapping[str, str] = field(default_factory=dict)
+    stated: Mapping[str, int] = field(default_factory=dict)
+    information: Mapping[str, Any] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
+
+
+def list_files(path: Path) -> Listing:
+    """The files of a recording.
+
+    Args:
+        path: One file, or a directory with or without metadata.yaml.
+
+    Raises:
+        BagError: There are none, metadata.yaml cannot be read, or names what is not there.
+    """
+    if not path.exists():
+        raise BagError(f"{path}: no such file or folder, expected a bag or a table")
+    if not path.is_dir():
+        check_regular(path)
+        return Listing(files=(path,))
+    there = sorted((one for one in path.iterdir() if one.name.endswith(_SUFFIXES)), key=by_number)
+    if not (path / METADATA_FILE).exists():
+        if not there:
+            raise BagError(f"{path}: holds no {METADATA_FILE} and no .mcap, .db3 or .bag file, expected a recording")
+        names = ", ".join(one.name for one in there)
+        return Listing(files=tuple(there), notes=(f"{METADATA_FILE} is missing: {names:.200} read as they are",))
+    information = read_metadata(path)
+    files = named_files(path, information)
+    unnamed = [one.name for one in there if one not in files and one.with_suffix("") not in files]
+    notes = (f"{', '.join(unnamed):.200}: not read, {METADATA_FILE} does not name it",) if unnamed else ()
+    types, stated = _topics(information)
+    return Listing(files=tuple(files), types=types, stated=stated, information=information, notes=notes)
+
+
+def by_number(file: Path) -> tuple[str, int, str]:
+    """Key that puts `x_2.mcap` before `x_10.mcap`."""
+    stem = file.name.partition(".")[0]
+    head, _, digits = stem.rpartition("_")
+    return (
+        (head, int(digits), file.name) if digits.isdecimal() and len(digits) <= _MOST_DIGITS else (stem, -1, file.name)
+    )
+
+
+def read_metadata(path: Path) -> dict[str, Any]:
+    """What metadata.yaml of a directory says.
+
+    Raises:
+        BagError: It cannot be read, or is no metadata of rosbag2.
+    """
+    file = path / METADATA_FILE
+    check_regular(file)
+    try:
+        if file.stat().st_size > _MOST_METADATA:
+            raise BagError(f"{file}: has {file.stat().st_size} bytes, expected at most {_MOST_METADATA}")
+        document = load(file.read_text("utf-8"))
+    except (OSError, ValueError, yaml.YAMLError) as error:
+        raise BagError(f"{file}: cannot be read as YAML ({' '.join(str(error).split()):.200})") from error
+    information = document.get(ROOT_KEY) if isinstance(document, dict) else None
+    if not isinstance(information, dict):
+        raise BagError(f"{file}: has no {ROOT_KEY}, expected the metadata of rosbag2")
+    return information
+
+
+def named_files(path: Path, information: Mapping[str, Any]) -> list[Path]:
+    """The files that metadata.yaml names, each inside the directory.
+
+    Raises:
+        BagError: It names none, one outside, or one that is missing.
+    """
+    names = information.get("relative_file_paths")
+    if not isinstance(names, list) or not names:
+        raise BagError(f"{path / METADATA_FILE}: relative_file_paths = {names!r:.80}, expected a list of files")
+    found = []
+    for name in names:
+        inside = PurePosixPath(str(name))
+        # the first versions of rosbag2 wrote the directory's name too
+        if inside.name != str(name) and inside.parts[:-1] != (path.resolve().name,):
+            raise BagError(
+                f"{path / METADATA_FILE}: relative_file_paths names {str(name)!r}, expected a file in the same folder"
+            )
+        candidates = [path / inside.name, path / f"{inside.name}.zstd", path / f"{inside.name}.zst"]
+        file = next((one for one in candidates if one.exists()), None)
+        if file is None:
+            raise BagError(f"{candidates[0]}: is missing, but {METADATA_FILE} names it")
+        found.append(file)
+    return found
+
+
+@contextmanager
+def plain_file(file: Path) -> Iterator[Path]:
+    """The file, or its decompressed copy for as long as the context lasts.
+
+    Raises:
+        BagError: It cannot be decompressed, or grows beyond reason.
+    """
+    if kind_of(file) is not Kind.ZSTD:
+        yield file
+        return
+    with TemporaryDirectory(prefix="dcmg_") as folder:
+        there = Path(folder) / file.name.removesuffix(".zstd").removesuffix(".zst")
+        _decompress(file, there)
+        yield there
+
+
+def _decompress(file: Path, there: Path) -> None:
+    limit = max(_ALWAYS, _EXPANSION * file.stat().st_size)
+    written = 0
+    try:
+        with (
+            file.open("rb") as packed,
+            there.open("wb") as out,
+            zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True) as stream,
+        ):
+            while piece := stream.read(_PIECE):
+                written += len(piece)
+                if written > limit:
+                    raise BagError(f"{file}: decompresses to more than {limit} bytes, expected fewer")
+                out.write(piece)
+    except (OSError, zstandard.ZstdError) as error:
+        raise BagError(f"{file}: cannot be decompressed ({' '.join(str(error).split())})") from error
+
+
+def _topics(information: Mapping[str, Any]) -> tuple[dict[str, str], dict[str, int]]:
+    """Types and counts by topic, as far as they can be understood."""
+    types: dict[str, str] = {}
+    stated: dict[str, int] = {}
+    entries = information.get("topics_with_message_count")
+    for one in entries if isinstance(entries, list) else ():
+        about = one.get("topic_metadata") if isinstance(one, dict) else None
+        if isinstance(about, dict) and isinstance(about.get("name"), str):
+            name, count = about["name"], one.get("message_count")
+            types[name] = str(about.get("type", ""))
+            stated[name] = stated.get(name, 0) + (count if isinstance(count, int) else 0)
+    return types, stated

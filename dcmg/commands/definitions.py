@@ -1,0 +1,28 @@
+"""What commands that read foreign bags have in common: definitions from elsewhere, and an exit code."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from bags.mcap.definitions import types_in_folder
+from bags.sources.recorded import Known
+
+if TYPE_CHECKING:
+    from collections.abc import Sequence
+
+EXIT_LEFT_OUT = 3  # all went well, but something could not be read, and was named
+
+
+def known_definitions(folders: Sequence[Path] | None) -> Known:
+    """Definitions of `--definitions`, and where installed ROS packages are.
+
+    Raises:
+        BagError: a folder holds none.
+    """
+    types: dict[str, Any] = {}
+    for folder in folders or ():
+        types |= types_in_folder(folder)
+    prefixes = tuple(Path(one) for one in os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if one)
+    return Known(types=types, prefixes=prefixes)
