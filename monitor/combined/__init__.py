@@ -1,6 +1,6 @@
 """Everything the monitor of one DGU can know at once: which of its incoming links lies, and which to leave out."""
 
-from monitor.combined.designing import CombinedDesign, CombinedPlan, LocalPlan, design
+from monitor.combined.designing import CombinedDesign, CombinedPlan, LocalPlan, design_own
 from monitor.combined.dgu_monitor import DguMonitor, DguOutput, DguState, DguVerdict, Own, Received
 from monitor.combined.isolation import Evidence, Isolation, explains, isolate
 from monitor.combined.plausibility import InputOutput, Limits, PlausibilityTest, build_limits
@@ -23,7 +23,7 @@ __all__ = [
     "Received",
     "Response",
     "build_limits",
-    "design",
+    "design_own",
     "explains",
     "isolate",
 ]

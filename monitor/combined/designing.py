@@ -5,12 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
-from monitor import detectors, input_estimators, local, observers
+from monitor import detectors, local
 from monitor.combined.dgu_monitor import DguMonitor
 from monitor.combined.plausibility import PlausibilityTest, build_limits
 from monitor.combined.response import Response
 from monitor.errors import MonitorError
-from monitor.link_monitor import LinkMonitor
 from monitor.local.module import LocalModule
 
 if TYPE_CHECKING:
@@ -19,8 +18,8 @@ if TYPE_CHECKING:
     from monitor.detectors import Detector
     from monitor.history import History
     from monitor.input_estimators import EstimatorDesign
+    from monitor.link_design import LinkDesign
     from monitor.local import LocalDesign
-    from monitor.observers import Design
 
 Named = tuple[str, "Mapping[str, object]"]
 _VOLTAGE = 0  # component of y that is the bus voltage
@@ -68,65 +67,55 @@ class CombinedPlan:
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CombinedDesign:
-    """Everything designed for one DGU.
+    """Everything designed for one DGU, now or elsewhere.
 
     Attributes:
-        monitor: what runs.
         links: the observer of each incoming link.
         inputs: the input estimator of each incoming link; none without a plausibility test.
         local: the observer of the own state, if there is a local module.
     """
 
-    monitor: DguMonitor
-    links: tuple[Design, ...]
-    inputs: tuple[EstimatorDesign, ...]
-    local: LocalDesign | None
+    links: tuple[LinkDesign, ...]
+    inputs: tuple[EstimatorDesign, ...] = ()
+    local: LocalDesign | None = None
+
+    def monitor(self, plan: CombinedPlan) -> DguMonitor:
+        """Put what one DGU's monitor runs together; a part whose design is refused stays REFUSED and accuses nobody.
+
+        Raises:
+            MonitorError: unknown kind or option.
+        """
+        period = plan.sampling_period_sec
+        module = None
+        if plan.local is not None and self.local is not None:
+            module = LocalModule(
+                design=self.local,
+                detector=_local_detector(plan.local, period),
+                learn_steps=max(0, round(plan.local.load_sec / period) - 1),  # the first sample has none before it
+                load_range=plan.local.load_range_a,
+            )
+        limits = build_limits(plan.limits, period)
+        return DguMonitor(
+            links=tuple([one.monitor(detectors.build(*plan.detector, period)) for one in self.links]),
+            inputs=tuple(
+                [PlausibilityTest(estimator=one.estimator, limits=limits, channels=one.channels) for one in self.inputs]
+            ),
+            local=module,
+            response=None if plan.quiet_sec is None else Response(quiet_steps=round(plan.quiet_sec / period)),
+        )
 
 
-def design(plan: CombinedPlan, neighbours: Sequence[History], own: History | None) -> CombinedDesign:
-    """Design what one DGU's monitor runs; a part whose design is refused stays REFUSED and accuses nobody.
+def design_own(plan: LocalPlan, links: Sequence[LinkDesign], own: History) -> LocalDesign:
+    """Design the module of the own state.
 
     Args:
-        plan: what to run.
-        neighbours: the history of the source of each incoming link, ascending.
-        own: the DGU's own history; needed by the local module alone.
+        plan: what it is told.
+        links: the observers of the incoming links, by ascending source: they say what is received.
+        own: the DGU's own history.
 
     Raises:
-        MonitorError: unknown kind or option.
+        MonitorError: wrong option.
     """
-    links = tuple([observers.design(plan.observer[0], history, plan.observer[1]) for history in neighbours])
-    inputs = () if plan.estimator is None else _estimators(plan.estimator, neighbours)
-    own_design = None if plan.local is None or own is None else _local(plan.local, links, own)
-    period = plan.sampling_period_sec
-    module = None
-    if plan.local is not None and own_design is not None:
-        module = LocalModule(
-            design=own_design,
-            detector=_local_detector(plan.local, period),
-            learn_steps=max(0, round(plan.local.load_sec / period) - 1),  # the first sample has none before it
-            load_range=plan.local.load_range_a,
-        )
-    limits = build_limits(plan.limits, period)
-    monitor = DguMonitor(
-        links=tuple([_link(one, detectors.build(*plan.detector, period)) for one in links]),
-        inputs=tuple(
-            [PlausibilityTest(estimator=one.estimator, limits=limits, channels=one.channels) for one in inputs]
-        ),
-        local=module,
-        response=None if plan.quiet_sec is None else Response(quiet_steps=round(plan.quiet_sec / period)),
-    )
-    return CombinedDesign(monitor=monitor, links=links, inputs=inputs, local=own_design)
-
-
-def _link(design: Design, detector: Detector[Any]) -> LinkMonitor:
-    return LinkMonitor(observer=design.observer, detector=detector, channels=design.channels, blind=design.blind)
-
-
-def _estimators(named: Named, neighbours: Sequence[History]) -> tuple[EstimatorDesign, ...]:
-    return tuple([input_estimators.design(named[0], history, named[1]) for history in neighbours])
-
-
-def _local(plan: LocalPlan, links: Sequence[Design], own: History) -> LocalDesign:
     options = {"decay": plan.decay, "load_sec": plan.load_sec, "load_range_a": plan.load_range_a}
     for number, link in enumerate(links):
         if link.channels is not None and _VOLTAGE not in link.channels:

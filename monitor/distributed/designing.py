@@ -141,7 +141,7 @@ def observer_of(gains: Sequence[NodeGains], network: Network, node: int) -> Node
     """The running part of one node of a sampled network."""
     neighbours = network.neighbours(node)
     weights = tuple(float(network.adjacency[node, other]) for other in neighbours)
-    return NodeObserver(gains=gains[node], neighbours=neighbours, weights=weights)
+    return NodeObserver.of(gains[node], neighbours, weights)
 
 
 def disconnected(network: Network) -> str | None:

@@ -12,6 +12,8 @@ from monitor.linear import Component, Flag, Matrix, Vector, matvec, rows_of, sel
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import NDArray
+
     from monitor.distributed.gains import NodeGains
 
 
@@ -41,11 +43,15 @@ class NodeObserver:
         gains: of this node.
         neighbours: numbers of the nodes it hears, ascending.
         weights: a_ij of each.
+        correction: (n, p) C^+, how a first output corrects a guess.
+        begin: (n, p + 1) the state before the first output, from it and 1.
     """
 
     gains: NodeGains
     neighbours: tuple[int, ...]
     weights: tuple[float, ...]
+    correction: NDArray[np.float64]
+    begin: NDArray[np.float64]
     _advance: Matrix = field(init=False, repr=False, compare=False)
     _feed: Matrix = field(init=False, repr=False, compare=False)
     _misfit: Matrix = field(init=False, repr=False, compare=False)
@@ -57,14 +63,20 @@ class NodeObserver:
         """Lay the matrices out for stepping."""
         g = self.gains
         n, p = g.H.shape
-        correction = np.linalg.pinv(g.C)
-        begin = np.hstack([correction - g.H, ((np.eye(n) - correction @ g.C) @ g.start)[:, None]])
         object.__setattr__(self, "_advance", rows_of(np.hstack([g.E, g.F, g.L])))
         object.__setattr__(self, "_feed", rows_of(np.hstack([np.eye(n), g.H])))
         object.__setattr__(self, "_misfit", rows_of(np.hstack([-g.C, np.eye(p)])))
-        object.__setattr__(self, "_begin", rows_of(begin))
-        object.__setattr__(self, "_correction", rows_of(np.asarray(correction, dtype=np.float64)))
+        object.__setattr__(self, "_begin", rows_of(self.begin))
+        object.__setattr__(self, "_correction", rows_of(self.correction))
         object.__setattr__(self, "_direct", rows_of(g.H))
+
+    @classmethod
+    def of(cls, gains: NodeGains, neighbours: tuple[int, ...], weights: tuple[float, ...]) -> NodeObserver:
+        """Return the node with these gains, its start included."""
+        correction = np.asarray(np.linalg.pinv(gains.C), dtype=np.float64)
+        mean = (np.eye(len(gains.H)) - correction @ gains.C) @ gains.start
+        begin = np.hstack([correction - gains.H, mean[:, None]])
+        return cls(gains=gains, neighbours=neighbours, weights=weights, correction=correction, begin=begin)
 
     def init(self, y: Sequence[Component]) -> Vector:
         """State before the first output is used: the mean state of the data, corrected to fit y."""

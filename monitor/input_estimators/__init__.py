@@ -2,6 +2,6 @@
 
 from monitor.input_estimators.linear_estimator import LinearInputEstimator
 from monitor.input_estimators.protocol import EstimatorDesign, InputEstimator
-from monitor.input_estimators.registry import KINDS, design
+from monitor.input_estimators.registry import KINDS, carried, design
 
-__all__ = ["KINDS", "EstimatorDesign", "InputEstimator", "LinearInputEstimator", "design"]
+__all__ = ["KINDS", "EstimatorDesign", "InputEstimator", "LinearInputEstimator", "carried", "design"]

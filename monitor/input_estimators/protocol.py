@@ -60,7 +60,9 @@ class EstimatorDesign:
         """Whether there is an estimator."""
         return self.estimator is not None
 
-    def to_json(self) -> str:
-        """What the design knows about itself as one JSON document."""
-        document = {"kind": self.kind, "accepted": self.accepted, "verdict": self.verdict, **self.numbers}
-        return json.dumps(document, allow_nan=False)
+    @property
+    def document(self) -> str:
+        """What the design knows about itself, and what its estimator is made of, as one JSON document."""
+        return json.dumps(
+            {"kind": self.kind, "accepted": self.accepted, "verdict": self.verdict, **self.numbers}, allow_nan=False
+        )

@@ -5,9 +5,11 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+from monitor.carrying import RUNNING, parsed, running_document, running_observer
 from monitor.errors import HistoryError, MonitorError
 from monitor.history import sent_outputs
 from monitor.input_estimators import delayed, one_step, uie
+from monitor.input_estimators.linear_estimator import LinearInputEstimator
 from monitor.input_estimators.protocol import EstimatorDesign
 from monitor.input_reconstruction import CLOSED_LOOP, OPEN_LOOP
 
@@ -38,9 +40,34 @@ def design(kind: str, history: History, options: Mapping[str, object]) -> Estima
         return _refused(kind, "the history does not say which inputs were applied (d): record them")
     try:
         sent, channels = sent_outputs(history)
-        return replace(KINDS[kind](sent, options), channels=channels)
+        made = KINDS[kind](sent, options)
     except HistoryError as error:
         return _refused(kind, str(error))
+    numbers: Mapping[str, object] = made.numbers
+    if isinstance(made.estimator, LinearInputEstimator):
+        running = running_document(made.estimator.realisation)
+        numbers = {**numbers, "channels": channels, "late": made.estimator.lag, RUNNING: running}
+    return replace(made, channels=channels, numbers=numbers)
+
+
+def carried(kind: str, document: str) -> EstimatorDesign | None:
+    """Take a design from its document; None where that does not hold everything.
+
+    Args:
+        kind: name of the design method.
+        document: what `EstimatorDesign.document` was.
+    """
+    found = parsed(document)
+    verdict = str(found.get("verdict", ""))
+    numbers = {name: value for name, value in found.items() if name not in {"kind", "accepted", "verdict"}}
+    if not found.get("accepted"):
+        return EstimatorDesign(kind=kind, estimator=None, verdict=verdict, numbers=numbers) if found else None
+    running, channels, late = (found.get(name) for name in (RUNNING, "channels", "late"))
+    realisation = running_observer(running) if isinstance(running, dict) else None
+    if realisation is None or not isinstance(channels, list) or not isinstance(late, int):
+        return None
+    estimator = LinearInputEstimator(realisation=realisation, lag=late)
+    return EstimatorDesign(kind=kind, estimator=estimator, verdict=verdict, channels=tuple(channels), numbers=numbers)
 
 
 def _refused(kind: str, reason: str) -> EstimatorDesign:

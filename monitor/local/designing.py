@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,6 +10,7 @@ from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 from scipy.linalg import solve_discrete_are
 
+from monitor.carrying import parsed
 from monitor.certificate import Certificate, DataReport
 from monitor.errors import HistoryError
 from monitor.observers.linear_observer import LinearObserver
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from monitor.regression import Fit
 
 KIND = "luenberger"
+_RUNNING = ("A", "G", "L", "conductances", "load")
 _REFERENCE = 1  # column of d that holds the DGU's own reference
 _SURE = 3.0  # standard errors that a coefficient must stand above 0 to be known
 _ROUNDING = 1e-9  # A/V: a conductance below it is rounding of exact data
@@ -57,6 +59,7 @@ class LocalDesign:
         load_direction: (n,) how one ampere of load moves the state in a sample.
         conductances: (neighbours,) 1/R_ij as the history shows them [S]; 0 where it does not show any.
         load: mean load in the history [A].
+        recorded: the document that it was carried in; "": it was designed here.
     """
 
     observer: LinearObserver | None
@@ -65,6 +68,17 @@ class LocalDesign:
     load_direction: NDArray[np.float64]
     conductances: NDArray[np.float64]
     load: float
+    recorded: str = ""
+
+    @property
+    def kind(self) -> str:
+        """Name of the design method."""
+        return self.certificate.kind
+
+    @property
+    def document(self) -> str:
+        """The certificate, which has everything that runs, as JSON."""
+        return self.recorded or self.certificate.to_json()
 
     @property
     def accepted(self) -> bool:
@@ -113,6 +127,34 @@ def refused(reason: str) -> LocalDesign:
     )
 
 
+def carried(document: str) -> LocalDesign | None:
+    """Take a design from its document; None where that does not hold everything."""
+    found = parsed(document)
+    verdict, matrices = str(found.get("verdict", "")), found.get("matrices")
+    if found and not found.get("accepted"):
+        return replace(
+            refused(""), certificate=Certificate(kind=KIND, accepted=False, verdict=verdict), recorded=document
+        )
+    if not isinstance(matrices, dict) or not set(_RUNNING) <= set(matrices):
+        return None
+    arrays = {name: np.asarray(matrices[name], dtype=np.float64) for name in _RUNNING}
+    certificate = Certificate(kind=KIND, accepted=True, verdict=verdict)
+    return replace(_running(certificate, arrays), recorded=document)
+
+
+def _running(certificate: Certificate, matrices: Mapping[str, NDArray[np.float64]]) -> LocalDesign:
+    """What follows from the matrices, without a rounding that could differ between processors."""
+    A, G, L = (matrices[symbol] for symbol in ("A", "G", "L"))
+    return LocalDesign(
+        observer=_observer(A, G, L),
+        certificate=certificate,
+        error=A - L,
+        load_direction=G[:, -1],
+        conductances=matrices["conductances"],
+        load=float(matrices["load"]),
+    )
+
+
 def _fit(history: History, neighbours: int) -> Fit:
     first = history.experiments[0]
     recorded = first.w.shape[1] - 1
@@ -141,29 +183,19 @@ def _accept(history: History, neighbours: int, fit: Fit, options: LocalOptions) 
     if not conductances.any():
         raise HistoryError("blind: the history does not show how any neighbour's voltage acts on the own state")
     L = _gain(A, options.decay)
+    load = float(np.nanmean(np.concatenate([one.w[:, 0] for one in history.experiments])))
     unseen = [str(number + 1) for number in np.flatnonzero(conductances == 0.0)]
+    gain = np.asarray(np.linalg.solve(np.eye(n) - A + L, load_direction), dtype=np.float64)
+    matrices = {"A": A, "G": G, "L": L, "conductances": conductances, "gain": gain, "load": np.asarray(load)}
     certificate = Certificate(
         kind=KIND,
         accepted=True,
         verdict=_words(neighbours, fit, unseen),
         data=_report(history, neighbours, fit),
         dynamics=measure_dynamics(A - L, "dual_lqr", fit.misfit, history.sampling_period_sec),
-        matrices={
-            "A": A,
-            "G": G,
-            "L": L,
-            "conductances": conductances,
-            "gain": np.asarray(np.linalg.solve(np.eye(n) - A + L, load_direction), dtype=np.float64),
-        },
+        matrices=matrices,
     )
-    return LocalDesign(
-        observer=_observer(A, G, L),
-        certificate=certificate,
-        error=A - L,
-        load_direction=load_direction,
-        conductances=conductances,
-        load=float(np.nanmean(np.concatenate([one.w[:, 0] for one in history.experiments]))),
-    )
+    return _running(certificate, matrices)
 
 
 def _gain(A: NDArray[np.float64], decay: float) -> NDArray[np.float64]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from math import nan
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from monitor.detectors.protocol import Detector
-    from monitor.linear import Vector
+    from monitor.linear import Matrix, Vector
     from monitor.local.designing import LocalDesign
 
 
@@ -69,6 +69,15 @@ class LocalModule:
     detector: Detector[Any]
     learn_steps: int
     load_range: float
+    _error: Matrix = field(init=False, repr=False, compare=False)
+    _toward: tuple[float, ...] = field(init=False, repr=False, compare=False)  # b^+
+
+    def __post_init__(self) -> None:
+        """Lay out what every step needs; b'b is summed in order, as the bits of all else are."""
+        b = self.design.load_direction.tolist()
+        size = sum((one * one for one in b), 0.0)
+        object.__setattr__(self, "_error", rows_of(self.design.error))
+        object.__setattr__(self, "_toward", tuple([one / size for one in b]))
 
     def init(self) -> LocalState:
         """State before the first sample."""
@@ -111,10 +120,9 @@ class LocalModule:
 
     def _excess(self, before: Vector, now: Vector) -> Component:
         """b^+ (r_t - (A - L) r_(t-1)) [A]."""
-        b = self.design.load_direction
-        carried = matvec(rows_of(self.design.error), before)
+        carried = matvec(self._error, before)
         total: Component = 0.0
-        for weight, one, rest in zip((b / float(b @ b)).tolist(), now, carried, strict=True):
+        for weight, one, rest in zip(self._toward, now, carried, strict=True):
             total = total + weight * (one - rest)
         return total
 

@@ -1,6 +1,6 @@
 """Monitors as a team: each measures its neighbourhood, tells what it estimates, and checks what the others tell."""
 
-from monitor.team.designing import TeamDesign, TeamReport, design_team
+from monitor.team.designing import Team, TeamDesign, TeamReport, carried_team, design_team
 from monitor.team.member import Member, MemberOutput, MemberPhase, MemberState
 from monitor.team.plan import Lie, Presence, TeamPlan
 
@@ -11,8 +11,10 @@ __all__ = [
     "MemberPhase",
     "MemberState",
     "Presence",
+    "Team",
     "TeamDesign",
     "TeamPlan",
     "TeamReport",
+    "carried_team",
     "design_team",
 ]

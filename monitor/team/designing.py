@@ -9,10 +9,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monitor import detectors
+from monitor.carrying import RUNNING, parsed
 from monitor.distributed import DistributedReport, design, sampled
 from monitor.distributed.gains import error_dynamics, lie_response, stability
 from monitor.history import Experiment, History
-from monitor.team.member import Member
+from monitor.team.member import Member, node_of
 from monitor.team.plan import INPUTS, WIDTH, TeamPlan
 
 if TYPE_CHECKING:
@@ -69,6 +70,23 @@ class TeamReport:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
+class Team:
+    """The members of a team as they run, designed now or carried from elsewhere.
+
+    Attributes:
+        accepted: whether there is a converging team.
+        verdict: one line in plain words.
+        members: in the order of the plan; those of a refused team say REFUSED at every step.
+        documents: the report and what each member runs, as JSON.
+    """
+
+    accepted: bool
+    verdict: str
+    members: tuple[Member, ...]
+    documents: tuple[str, ...]
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
 class TeamDesign:
     """The members of a team, or why there is none; a refused team's members say REFUSED at every step.
 
@@ -83,6 +101,31 @@ class TeamDesign:
     verdict: str
     report: TeamReport
     members: tuple[Member, ...]
+
+    @property
+    def team(self) -> Team:
+        """What runs."""
+        report = asdict(self.report)
+        documents = tuple([json.dumps({**report, RUNNING: member.document()}) for member in self.members])
+        return Team(accepted=self.accepted, verdict=self.verdict, members=self.members, documents=documents)
+
+
+def carried_team(plan: TeamPlan, verdict: str, documents: Sequence[str]) -> Team | None:
+    """Take a team from its documents; None where they do not hold everything.
+
+    Args:
+        plan: who is in the team.
+        verdict: what the design said.
+        documents: of each member, in the order of the plan.
+    """
+    members = []
+    for member, document in zip(plan.members, documents, strict=True):
+        running = parsed(document).get(RUNNING)
+        if not isinstance(running, dict):
+            return None
+        members.append(_member(plan, member, tuple(running["channels"]), node_of(running)))
+    accepted = all(one.observer is not None for one in members)
+    return Team(accepted=accepted, verdict=verdict, members=tuple(members), documents=tuple(documents))
 
 
 def design_team(plan: TeamPlan, history: History) -> TeamDesign:
@@ -136,20 +179,23 @@ def _team(
     channels: Sequence[tuple[int, ...]],
     observers: Sequence[NodeObserver],
 ) -> TeamDesign:
-    detector = detectors.build("fixed", plan.detector, plan.sampling_period_sec)
     members = tuple(
-        Member(
-            observer=observers[at] if observers else None,
-            team=len(plan.members),
-            channels=channels[at],
-            detector=detector,
-            isolate=plan.isolate,
-            presence=tuple(one for one in plan.presence if one.member == member),
-            lies=tuple(one for one in plan.lies if one.member == member),
-        )
+        _member(plan, member, channels[at], observers[at] if observers else None)
         for at, member in enumerate(plan.members)
     )
     return TeamDesign(accepted=bool(observers), verdict=verdict, report=report, members=members)
+
+
+def _member(plan: TeamPlan, member: int, channels: tuple[int, ...], observer: NodeObserver | None) -> Member:
+    return Member(
+        observer=observer,
+        team=len(plan.members),
+        channels=channels,
+        detector=detectors.build("fixed", plan.detector, plan.sampling_period_sec),
+        isolate=plan.isolate,
+        presence=tuple(one for one in plan.presence if one.member == member),
+        lies=tuple(one for one in plan.lies if one.member == member),
+    )
 
 
 def _is_sent(history: History, column: int) -> bool:

@@ -7,14 +7,20 @@ from enum import IntEnum
 from math import nan
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+import numpy as np
+
+from monitor.distributed.gains import NodeGains
+from monitor.distributed.node import NodeObserver
 from monitor.linear import Vector, is_finite
 from monitor.team.plan import WIDTH, Lie, Presence, there
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Mapping, Sequence
 
     from monitor.detectors import Detector
-    from monitor.distributed import NodeObserver
+
+
+_GAINS = ("E", "F", "L", "H", "C", "chi", "start")
 
 
 class MemberPhase(IntEnum):
@@ -94,6 +100,15 @@ class Member:
     isolate: bool
     presence: tuple[Presence, ...]
     lies: tuple[Lie, ...]
+
+    def document(self) -> dict[str, object]:
+        """What it runs, for JSON: the channels, and the node's matrices unless the design was refused."""
+        node, found = self.observer, {"channels": list(self.channels)}
+        if node is None:
+            return dict(found)
+        gains = {name: np.asarray(getattr(node.gains, name)).tolist() for name in _GAINS}
+        lists = {name: list(getattr(node, name)) for name in ("neighbours", "weights")}
+        return {**found, **lists, **gains, "correction": node.correction.tolist(), "begin": node.begin.tolist()}
 
     def init(self) -> MemberState:
         """State before step 0."""
@@ -208,4 +223,19 @@ def _apart(theirs: Sequence[float], own: Sequence[float]) -> tuple[float, ...]:
             max([abs(one - two) for one, two in zip(theirs[kind::WIDTH], own[kind::WIDTH], strict=True)])
             for kind in range(WIDTH)
         ]
+    )
+
+
+def node_of(document: Mapping[str, Any]) -> NodeObserver | None:
+    """The node that `Member.document` tells of, None when its design was refused."""
+    if "E" not in document:
+        return None
+    n = len(document["E"])
+    gains = {name: np.asarray(document[name], dtype=np.float64) for name in ("E", "F", "L", "H", "C", "start")}
+    return NodeObserver(
+        gains=NodeGains(**{**gains, "F": gains["F"].reshape(n, -1)}, chi=float(document["chi"])),
+        neighbours=tuple(document["neighbours"]),
+        weights=tuple(document["weights"]),
+        correction=np.asarray(document["correction"], dtype=np.float64),
+        begin=np.asarray(document["begin"], dtype=np.float64),
     )

@@ -63,7 +63,7 @@ def test_inputs_come_back_after_the_lag(kind: str, outputs: int) -> None:
     made = input_estimators.design(kind, history(outputs), options if (kind, outputs) == ("one_step", 2) else {})
     assert made.estimator is not None, made.verdict
     assert made.channels == tuple(range(outputs))
-    assert json.loads(made.to_json())["accepted"]
+    assert json.loads(made.document)["accepted"]
     x, d = run(150, 2)
     found, lag = reconstruct(made.estimator, x[:, :outputs]), made.estimator.lag
     np.testing.assert_allclose(found[SETTLED:], d[SETTLED - lag : 150 - lag], rtol=0.0, atol=1e-6)

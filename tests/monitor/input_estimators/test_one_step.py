@@ -100,7 +100,7 @@ def test_refusals_say_what_is_missing() -> None:
         assert not refused.accepted
         with pytest.raises(MonitorError, match=reason):
             raise MonitorError(refused.verdict)
-        assert json.loads(refused.to_json())["accepted"] is False
+        assert json.loads(refused.document)["accepted"] is False
 
 
 def test_unknown_kind_and_option_are_misuse() -> None:
