@@ -85,20 +85,19 @@ def carried_link(kind: str, document: str, history: History) -> LinkDesign | Non
         kind: name of the design method.
         document: what `LinkDesign.document` was.
         history: what it was designed from: it says which outputs are sent.
-
-    Raises:
-        HistoryError: no output is sent.
     """
     found = parsed(document)
     verdict, running = str(found.get("verdict", "")), found.get(RUNNING, found)
-    if not found.get("accepted"):
-        return LinkDesign(kind=kind, observer=None, verdict=verdict, document=document) if found else None
-    observer = running_observer(running) if isinstance(running, dict) else None
-    _, channels = sent_outputs(history)
-    if observer is None or observer.outputs != len(channels):
-        return None
     residual = found.get("residual")
     blind = isinstance(residual, dict) and bool(residual.get("blind"))
+    try:
+        _, channels = sent_outputs(history)
+    except HistoryError:
+        channels = None
+    observer = running_observer(running) if found.get("accepted") and isinstance(running, dict) else None
+    complete = not found.get("accepted") or (observer is not None and observer.outputs == len(channels or ()))
+    if not (found and complete):
+        return None
     return LinkDesign(kind=kind, observer=observer, verdict=verdict, channels=channels, blind=blind, document=document)
 
 

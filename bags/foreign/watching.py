@@ -11,13 +11,14 @@ from bags.foreign.fields import FieldPath
 from bags.foreign.mapping import Mapping, Signal, StreamMapping
 from bags.foreign.sampling import Row, Values
 from bags.mcap.errors import BagError
+from bags.watch.designs import design_run
 from bags.watch.histories import read_histories
-from bags.wire.convert import design_record, history_of
+from bags.wire.convert import history_of
 from bags.wire.records import DesignRecord, HistoryRecord
 from bags.wire.schema import RunTopics, run_topics
 from dgu_sim.grid import Link
 from dgu_sim.records import Sample
-from monitor import detectors, observers
+from dgu_sim.settings import MonitorSettings
 from monitor.history import History
 from monitor.link_monitor import LinkMonitor, MonitorOutput, MonitorState
 
@@ -131,25 +132,14 @@ def stream_monitors(mapping: Mapping, source: str, history: Path) -> StreamMonit
     fields = _fields(source, mapping.streams)
     for link, one in streams.items():
         _check_fits(source, one, link, histories[link.source])
-    monitors, designs = [], []
-    for link in topics.links:
-        observer, detector = mapping.monitor.observer, mapping.monitor.detector
-        design = observers.design(observer.kind, histories[link.source], observer.options)
-        monitors.append(
-            LinkMonitor(
-                observer=design.observer,
-                detector=detectors.build(detector.kind, detector.options, period_sec),
-                channels=design.channels,
-                blind=design.blind,
-            )
-        )
-        designs.append(design_record(design, link.source, link.target))
+    alone = MonitorSettings(observer=mapping.monitor.observer, detector=mapping.monitor.detector)
+    designs = design_run(topics, alone, histories)
     return StreamMonitors(
         topics=topics,
         fields=fields,
         readers=tuple(_reader(streams[link], fields) for link in topics.links),
-        monitors=tuple(monitors),
-        designs=tuple(designs),
+        monitors=tuple(link for monitor in designs.monitors for link in monitor.links),
+        designs=tuple(record for _, record in designs.messages()),
         histories=tuple(record for found in records.values() for record in found),
     )
 

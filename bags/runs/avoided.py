@@ -7,12 +7,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bags.mcap.errors import BagError
-from bags.watch.combined import Watch, design_combined
-from bags.watch.combined_arrays import CombinedArrays
-from bags.watch.histories import histories_of_run, recorded_states
+from bags.runs.following import follow
+from bags.watch.combined_arrays import CombinedArrays, CombinedFields
+from bags.watch.designs import design_scenario
+from bags.watch.histories import recorded_states
 from bags.wire.combined_topics import MASKS
-from bags.wire.convert import history_of
-from bags.wire.schema import RunTopics, topics_of
+from bags.wire.schema import RunTopics
 from dgu_sim.grid import Link
 from dgu_sim.scenario import Scenario
 from dgu_sim.simulate import Block, simulate
@@ -65,14 +65,12 @@ def compare_response(scenario: Scenario) -> Avoided:
     """
     if scenario.monitor.response is None:
         raise BagError(f"scenario {scenario.name} has no monitor.response, expected one to compare with doing nothing")
-    topics = topics_of(scenario)
-    histories = {dgu: history_of(histories_of_run(scenario, dgu)) for dgu in topics.dgus}
-    watch = Watch(topics=topics, designs=design_combined(topics, scenario.monitor, histories))
-    recorded = recorded_states(scenario)
+    designs = design_scenario(scenario)
+    topics = designs.topics
     calm, said = [], []
-    for block in simulate(scenario, block_steps=_BLOCK_STEPS, recorded=recorded, respond=watch):
+    for block, _, combined in follow(scenario, designs, recorded_states(scenario), _BLOCK_STEPS):
         calm.append(_impact(scenario, block))
-        said.append(_said(watch, topics))
+        said.append(_said(combined, topics))
     return Avoided(
         sampling_period_sec=scenario.sampling_period_sec,
         with_response=_joined(calm),
@@ -91,9 +89,10 @@ def without_response(scenario: Scenario) -> GridImpact:
     return _joined([_impact(scenario, block) for block in blocks])
 
 
-def _said(watch: Watch, topics: RunTopics) -> CombinedArrays:
+def _said(combined: CombinedFields | None, topics: RunTopics) -> CombinedArrays:
     assert topics.combined is not None  # noqa: S101 - a response makes it so
-    return watch.take().combined.arrays(topics.combined)
+    assert combined is not None  # noqa: S101 - idem
+    return combined.arrays(topics.combined)
 
 
 def _impact(scenario: Scenario, block: Block) -> GridImpact:

@@ -14,16 +14,16 @@ from numpy.typing import NDArray
 from bags.mcap.recording import CHUNK_PRESETS, ChunkPreset, Recording
 from bags.mcap.writer import BagWriter
 from bags.runs.events import EventState, events_of, relayed_of
-from bags.runs.following import Following, follow
+from bags.runs.following import follow
 from bags.runs.origin import attach_origin
-from bags.runs.team_offline import fill_team, team_of_run, write_team_documents
+from bags.runs.team_offline import TeamProgress, fill_team, write_team_documents
 from bags.watch.combined_arrays import CombinedFields
-from bags.watch.histories import histories_of_run, recorded_states
+from bags.watch.designs import RunDesigns, design_scenario
+from bags.watch.histories import grid_history_of_run, histories_of_run, recorded_states
 from bags.watch.monitors import MonitorArrays
 from bags.wire.combined_topics import CombinedTopics
-from bags.wire.convert import history_of
 from bags.wire.records import HistoryRecord
-from bags.wire.schema import RunTopics, topics_of
+from bags.wire.schema import RunTopics
 from dgu_sim.scenario import Scenario
 from dgu_sim.simulate import Block
 
@@ -38,6 +38,8 @@ def simulate_to_bag(
     progress: Callable[[int], None] | None = None,
     recording: Recording = _RECORDING,
     host: Mapping[str, object] | None = None,
+    *,
+    designs: RunDesigns | None = None,
 ) -> Path:
     """Run a scenario from step 0 to its end and record it.
 
@@ -47,6 +49,7 @@ def simulate_to_bag(
         progress: Called with the number of steps done.
         recording: How; chunks are closed by size only, and written at once, because nobody waits.
         host: What `origin.host_facts` gave, if the bag is to say where it was made.
+        designs: What its monitors run; None: designed here.
 
     Returns:
         The path.
@@ -55,11 +58,10 @@ def simulate_to_bag(
         BagError: The bag cannot be written.
         monitor.errors.MonitorError: Unknown observer or detector, or options of theirs.
     """
-    topics = topics_of(scenario)
+    designs = design_scenario(scenario) if designs is None else designs
+    topics = designs.topics
     records = {dgu: histories_of_run(scenario, dgu) for dgu in topics.dgus}
-    histories = {dgu: history_of(history) for dgu, history in records.items()}
-    following = follow(scenario, topics, histories, recorded_states(scenario), _BLOCK_STEPS)
-    team = team_of_run(scenario, topics)
+    team = _team(scenario, designs)
     told = EventState.start(topics)
     with BagWriter(
         path,
@@ -71,11 +73,11 @@ def simulate_to_bag(
         topic_filter=recording.topics,
     ) as writer:
         attach_origin(writer, scenario, host)
-        _write_latched(writer, topics, records, following)
+        _write_latched(writer, designs, records)
         if team is not None:
             write_team_documents(writer, team)
         layout = writer.format_of(topics.per_step)
-        for block, outputs, combined in following.blocks:
+        for block, outputs, combined in follow(scenario, designs, recorded_states(scenario), _BLOCK_STEPS):
             rows = layout.block(block.first_step, len(block.x), topics.sampling_period_ns)
             fill_rows(rows, topics, block, outputs)
             if combined is not None:
@@ -96,6 +98,12 @@ def simulate_to_bag(
             if progress is not None:
                 progress(block.first_step + len(rows))
     return path
+
+
+def _team(scenario: Scenario, designs: RunDesigns) -> TeamProgress | None:
+    if designs.team is None:
+        return None
+    return TeamProgress(team=designs.team, histories=tuple(grid_history_of_run(scenario)))
 
 
 def fill_rows(rows: NDArray[np.void], topics: RunTopics, block: Block, outputs: MonitorArrays) -> None:
@@ -157,15 +165,10 @@ def _fill(
         messages[name] = number
 
 
-def _write_latched(
-    writer: BagWriter,
-    topics: RunTopics,
-    records: Mapping[int, Sequence[HistoryRecord]],
-    following: Following,
-) -> None:
-    for dgu in topics.dgus:
-        history = topics.history(dgu)
+def _write_latched(writer: BagWriter, designs: RunDesigns, records: Mapping[int, Sequence[HistoryRecord]]) -> None:
+    for dgu in designs.topics.dgus:
+        history = designs.topics.history(dgu)
         for record in records[dgu]:
             writer.write(history.topic.name, 0, history.encode(record))
-    for codec, design in following.designs:
+    for codec, design in designs.messages():
         writer.write(codec.topic.name, 0, codec.encode(design))

@@ -1,4 +1,4 @@
-"""Fresh monitors on a recorded run: the same received outputs, the same or other observers and detectors."""
+"""Monitors on a recorded run: the same received outputs, the designs of the run, or other observers and detectors."""
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -14,11 +14,13 @@ from bags.runs.origin import MONITOR_ATTACHMENT, SCENARIO_ATTACHMENT
 from bags.runs.reader import read_run
 from bags.runs.replay_settings import check_overrides, replayed_scenario
 from bags.runs.run_record import RunRecord
-from bags.runs.team_offline import TeamProgress, replayed_team, team_of_record
-from bags.watch.combined import Watch, design_combined, design_messages
+from bags.runs.team_offline import TeamProgress, replayed_team
+from bags.watch.carried import Carried
+from bags.watch.combined import Watch
 from bags.watch.combined_arrays import CombinedFields
-from bags.watch.monitors import MonitorArrays, RunMonitors, design_monitors
-from bags.wire.convert import design_record, history_of
+from bags.watch.designs import design_run, team_told
+from bags.watch.monitors import MonitorArrays, RunMonitors, monitors_of
+from bags.wire.convert import history_of
 from bags.wire.records import DesignRecord
 from bags.wire.schema import RunTopics, parts_of
 from bags.wire.stream import Spoofed
@@ -33,13 +35,14 @@ if TYPE_CHECKING:
 _WatchWindow: TypeAlias = Callable[[RunRecord], tuple[MonitorArrays, CombinedFields | None]]
 
 
-def replay(run: RunRecord | Path, overrides: Sequence[str] = ()) -> RunRecord:
-    """Design the monitors again from the recorded histories and feed them what was received.
+def replay(run: RunRecord | Path, overrides: Sequence[str] = (), *, redesign: bool = False) -> RunRecord:
+    """Run the monitors again, as they were designed or otherwise, and feed them what was received.
 
     Args:
         run: A recorded run, or its bag.
         overrides: Changes of the scenario's monitor section, "monitor.observer.kind=value" and the like. Without any,
             every residual comes out as recorded, bit for bit.
+        redesign: Whether to design everything anew; else what was designed with the same settings runs as recorded.
 
     Returns:
         The run with the conclusions, designs and alarms of the fresh monitors.
@@ -49,16 +52,19 @@ def replay(run: RunRecord | Path, overrides: Sequence[str] = ()) -> RunRecord:
         dgu_sim.errors.ScenarioError: An override does not fit the scenario.
         monitor.errors.MonitorError: Unknown observer or detector, or options of theirs.
     """
-    (record,) = replay_windows([run if isinstance(run, RunRecord) else read_run(run)], overrides)
+    (record,) = replay_windows([run if isinstance(run, RunRecord) else read_run(run)], overrides, redesign=redesign)
     return record
 
 
-def replay_windows(windows: Iterable[RunRecord], overrides: Sequence[str] = ()) -> Iterator[RunRecord]:
+def replay_windows(
+    windows: Iterable[RunRecord], overrides: Sequence[str] = (), *, redesign: bool = False
+) -> Iterator[RunRecord]:
     """As `replay`, for a run that is too long for the memory: each window as soon as it has been read.
 
     Args:
         windows: Consecutive windows from step 0 on.
         overrides: As for `replay`.
+        redesign: As for `replay`; also where histories are not those of the run.
 
     Raises:
         Exception: As `replay`, with the first window.
@@ -67,7 +73,7 @@ def replay_windows(windows: Iterable[RunRecord], overrides: Sequence[str] = ()) 
     alarm = own_alarm = np.zeros(0, dtype=np.bool_)
     for window in windows:
         if prepared is None:
-            prepared = _prepare(window, overrides)
+            prepared = _prepare(window, overrides, redesign=redesign)
             alarm = np.zeros(len(window.links), dtype=np.bool_)
             own_alarm = np.zeros(len(prepared.topics.monitors), dtype=np.bool_)
         outputs, fields = prepared.watch(window)
@@ -110,32 +116,47 @@ class _Prepared:
     team: TeamProgress | None
 
 
-def _prepare(record: RunRecord, overrides: Sequence[str]) -> _Prepared:
+def _prepare(record: RunRecord, overrides: Sequence[str], *, redesign: bool) -> _Prepared:
     check_overrides(overrides)
     settings, scenario, attachment = _settings(record, overrides)
-    topics = replace(record.topics, parts=parts_of(settings))
-    histories = histories_of(record)
-    if topics.combined is None:
-        monitors = design_monitors(topics, settings, histories)
-        watch: _WatchWindow = _links(monitors)
-        records = [
-            design_record(design, link.source, link.target)
-            for link, design in zip(record.links, monitors.designs, strict=True)
-        ]
-        estimators = 0
-    else:
-        designs = design_combined(topics, settings, histories)
-        watch = _combined(Watch(topics=topics, designs=designs))
-        records = [design for _, design in design_messages(topics, designs)]
-        estimators = len(record.links) if topics.combined.parts.inputs else 0
+    topics = replace(record.topics, parts=parts_of(settings), has_team=settings.team is not None)
+    team = None
+    if scenario is not None and topics.has_team:
+        if record.team is None or not record.team.histories:
+            raise BagError(f"{record.path}: holds no /grid/history, expected the record of a run with monitor.team")
+        team = team_told(scenario, topics, record.team.histories)
+    carried = None if redesign else carried_by(record)
+    designs = design_run(topics, settings, histories_of(record), carried=carried, team=team)
+    records = [design for _, design in designs.messages()]
+    estimators = len(record.links) if topics.combined is not None and topics.combined.parts.inputs else 0
+    progress = None
+    if designs.team is not None and record.team is not None:
+        progress = TeamProgress(team=designs.team, histories=record.team.histories)
     return _Prepared(
         topics=topics,
-        watch=watch,
+        watch=_links(monitors_of(designs)) if topics.combined is None else _combined(Watch(designs=designs)),
         designs=_by_link(records[: len(records) - estimators]),
         input_designs=_by_link(records[len(records) - estimators :]),
         attachments={**record.attachments, **attachment},
-        team=None if scenario is None else team_of_record(scenario, record),
+        team=progress,
     )
+
+
+def carried_by(record: RunRecord) -> Carried:
+    """The designs of a recorded run.
+
+    Raises:
+        BagError: The record does not say what its monitors were told.
+        dgu_sim.errors.ScenarioError: Its scenario cannot be used.
+    """
+    found = {record.topics.design(link).topic.name: design for link, design in record.designs.items()}
+    if record.topics.combined is not None:
+        inputs = record.topics.combined
+        found |= {inputs.input_design(link).topic.name: design for link, design in record.input_designs.items()}
+    if record.topics.team is not None and record.team is not None:
+        team = record.topics.team
+        found |= {team.design(member).topic.name: design for member, design in record.team.designs.items()}
+    return Carried(settings=_settings(record, ())[0], records=found)
 
 
 def _links(monitors: RunMonitors) -> Callable[[RunRecord], tuple[MonitorArrays, None]]:
@@ -152,7 +173,7 @@ def _links(monitors: RunMonitors) -> Callable[[RunRecord], tuple[MonitorArrays, 
 
 def _combined(monitors: Watch) -> Callable[[RunRecord], tuple[MonitorArrays, CombinedFields]]:
     """Monitors that draw one conclusion from several tests; what was recorded does not change by it."""
-    spoofed = Spoofed(monitors.topics.links)
+    spoofed = Spoofed(monitors.designs.topics.links)
 
     def watch(window: RunRecord) -> tuple[MonitorArrays, CombinedFields]:
         lying = spoofed.rows(window.streams, window.first_step, window.steps)

@@ -6,17 +6,12 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from bags.mcap.errors import BagError
 from bags.mcap.topic import Topic
 from bags.mcap.writer import BagWriter
 from bags.runs.run_record import RunRecord
-from bags.watch.histories import grid_history_of_run
-from bags.watch.team import RunTeam, run_team, team_design_record
+from bags.watch.team import RunTeam
 from bags.watch.team_record import TeamArrays, TeamRecord, accusation_changes
-from bags.wire.convert import history_of
 from bags.wire.records import AlarmRecord, HistoryRecord
-from bags.wire.schema import RunTopics
-from dgu_sim.scenario import Scenario
 from dgu_sim.simulate import Block
 
 
@@ -48,41 +43,13 @@ class TeamProgress:
         return self.told, accusation_changes(self.told.alarm, earlier)
 
 
-def team_of_run(scenario: Scenario, topics: RunTopics) -> TeamProgress | None:
-    """The team of a scenario, designed from its experiment on the whole grid; None without one.
-
-    Raises:
-        BagError: The recorded history cannot be read.
-    """
-    if topics.team is None:
-        return None
-    records = tuple(grid_history_of_run(scenario))
-    return TeamProgress(team=run_team(scenario, topics.team, history_of(records)), histories=records)
-
-
-def team_of_record(scenario: Scenario, record: RunRecord) -> TeamProgress | None:
-    """The team of a scenario, designed from what a bag has recorded; None without one.
-
-    Raises:
-        BagError: The run had no team whose experiment could be used.
-    """
-    if scenario.monitor.team is None:
-        return None
-    if record.topics.team is None or record.team is None or not record.team.histories:
-        raise BagError(f"{record.path}: holds no /grid/history, expected the record of a run with monitor.team")
-    histories = record.team.histories
-    return TeamProgress(team=run_team(scenario, record.topics.team, history_of(histories)), histories=histories)
-
-
 def write_team_documents(writer: BagWriter, progress: TeamProgress) -> None:
     """Write what stands before step 0."""
-    topics, design = progress.team.topics, progress.team.design
-    history = topics.history()
+    history = progress.team.topics.history()
     for record in progress.histories:
         writer.write(history.topic.name, 0, history.encode(record))
-    for member in topics.dgus:
-        codec = topics.design(member)
-        writer.write(codec.topic.name, 0, codec.encode(team_design_record(design, member)))
+    for codec, design in progress.team.messages():
+        writer.write(codec.topic.name, 0, codec.encode(design))
 
 
 def fill_team(
@@ -109,11 +76,11 @@ def fill_team(
 
 def replayed_team(progress: TeamProgress, window: RunRecord) -> tuple[TeamArrays, TeamRecord]:
     """Step the team through a window of a recorded run."""
-    assert window.told is not None  # noqa: S101 - team_of_record made sure of it
+    assert window.told is not None  # noqa: S101 - the replay has made sure of it
     told, changes = progress.take(window.y, window.received, window.told.inputs)
     dgus = progress.team.topics.dgus
     record = TeamRecord(
-        designs={member: team_design_record(progress.team.design, member) for member in dgus},
+        designs={member: progress.team.record(member) for member in dgus},
         alarms=tuple(_alarm(window.first_step, change, told, dgus) for change in changes),
         histories=progress.histories,
     )

@@ -1,21 +1,16 @@
 """Many runs of a scenario watched at once, without a bag: what statistics on false alarms and detection need."""
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bags.mcap.errors import BagError
-from bags.watch.histories import histories_of_run, recorded_states
-from bags.watch.monitors import LinkGroup, RunMonitors, design_monitors
-from bags.watch.stacked_observer import StackedObserver
-from bags.wire.convert import history_of
-from bags.wire.schema import run_topics
+from bags.watch.histories import recorded_states
+from bags.watch.monitors import link_monitors
 from dgu_sim.scenario import Scenario
 from dgu_sim.simulate import Block, simulate
-from monitor import detectors
 
 
 @final
@@ -49,15 +44,10 @@ def watch(scenario: Scenario, seeds: Sequence[int], block_steps: int = 1000) -> 
         block_steps: Steps in a block.
 
     Raises:
-        BagError: A history cannot be read, or an observer is not linear.
+        BagError: A history cannot be read.
         monitor.errors.MonitorError: Unknown observer or detector, or options of theirs.
     """
-    topics = run_topics(scenario.grid.dgus, scenario.links, scenario.sampling_period_ns)
-    histories = {dgu: history_of(histories_of_run(scenario, dgu)) for dgu in topics.dgus}
-    detector = detectors.build(
-        scenario.monitor.detector.kind, scenario.monitor.detector.options, scenario.sampling_period_sec
-    )
-    monitors = _repeated(design_monitors(topics, scenario.monitor, histories), detector, len(seeds))
+    monitors = link_monitors(scenario, len(seeds))
     states = monitors.init()
     for block in simulate(scenario, seeds, block_steps, recorded_states(scenario)):
         shape = block.delivered.shape
@@ -70,18 +60,3 @@ def watch(scenario: Scenario, seeds: Sequence[int], block_steps: int = 1000) -> 
             residual=outputs.residual.reshape(*shape, -1),
             threshold=outputs.threshold.reshape(*shape, -1),
         )
-
-
-def _repeated(monitors: RunMonitors, detector: detectors.Detector[object], runs: int) -> RunMonitors:
-    """The monitors of one run side by side for several, run after run on the axis "links"."""
-    links = len(monitors.designs)
-    groups = []
-    for group in monitors.groups:
-        observer = group.monitor.observer
-        if not isinstance(observer, StackedObserver):
-            raise BagError(f"observer {monitors.designs[int(group.positions[0])].kind}: expected a linear one")
-        whole, start = (np.tile(one, (1, 1, runs)) for one in (observer.whole, observer.start))
-        many = replace(group.monitor, observer=replace(observer, whole=whole, start=start), detector=detector)
-        positions = np.concatenate([run * links + group.positions for run in range(runs)])
-        groups.append(LinkGroup(positions=positions, monitor=many))
-    return RunMonitors(designs=monitors.designs * runs, groups=tuple(groups))

@@ -5,7 +5,7 @@ detector's multiply-adds serves them all: the same code, and so the same bits, a
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, final
 
 import numpy as np
@@ -13,15 +13,21 @@ import pyarrow as pa
 from numpy.typing import NDArray
 
 from bags.study.cells import Cell
-from bags.study.combined import Signals, combined_settings, conclude
-from bags.study.designs import StudyDesign, design_for
+from bags.study.combined import Signals, conclude
+from bags.study.designs import method_of
 from bags.study.impact import Impact, impact_of
 from bags.study.settings import NO_ATTACK
+from bags.watch.designs import RunDesigns, design_run
+from bags.watch.histories import histories_of_run
 from bags.watch.monitors import MonitorArrays, RunMonitors, group_monitors
+from bags.wire.convert import history_of
+from bags.wire.schema import parts_of, topics_of
 from dgu_sim.scenario import Scenario
+from dgu_sim.settings import MonitorSettings, ObserverSettings
 from dgu_sim.simulate import simulate
 from monitor import detectors
 from monitor.detectors import Phase
+from monitor.link_design import LinkDesign
 
 SCHEMA = pa.schema(
     [
@@ -66,6 +72,7 @@ class _Runs:
         reference: V_ref + alpha, shape (steps, seeds, DGUs) [V].
         received: Shape (steps, seeds, links, 3).
         delivered: Shape (steps, seeds, links).
+        lying: Where somebody else speaks on a link, shape (steps, seeds, links).
         impact: What the attack does.
         attacked: Whether each link is attacked, shape (links,).
         clean: First step that is not free of attacks.
@@ -75,6 +82,7 @@ class _Runs:
     reference: NDArray[np.float64]
     received: NDArray[np.float64]
     delivered: NDArray[np.bool_]
+    lying: NDArray[np.bool_]
     impact: Impact
     attacked: NDArray[np.bool_]
     clean: int
@@ -93,13 +101,14 @@ def evaluate(cell: Cell) -> pa.Table:
     window = _window(tuple(cell.scenarios.values())[-1])
     runs = {attack: _simulated(scenario, cell.seeds) for attack, scenario in cell.scenarios.items()}
     shape = (len(runs), len(cell.seeds), len(base.links))
-    designs = _designs(cell, base)
-    lanes = [designs[seed][link.source] for _ in runs for seed in cell.seeds for link in base.links]
+    designs = [_designs(cell, base.model_copy(update={"seed": seed})) for seed in cell.seeds]
+    lanes = [link for _ in runs for one in designs for link in one.links]
     watch = _watch_all if cell.observer.combined else _watch_links
     tables = []
     for detector in cell.detectors:
         for swept, options in detector.settings():
-            concluded = watch(cell, tuple(runs.values()), lanes, (detector.kind, options))
+            judged_by = [one.judged_by(detector.kind, options) for one in designs]
+            concluded = watch(tuple(runs.values()), judged_by)
             for position, (attack, one) in enumerate(runs.items()):
                 judged = _judge(one, _Part.of(concluded, shape, position), window, base.sampling_period_sec)
                 point = {"detector": detector.name, "swept": swept, "attack": attack}
@@ -107,12 +116,12 @@ def evaluate(cell: Cell) -> pa.Table:
     return pa.concat_tables(tables)
 
 
-def _watch_links(
-    cell: Cell, runs: Sequence[_Runs], lanes: Sequence[StudyDesign], detector: tuple[str, dict[str, object]]
-) -> MonitorArrays:
+def _watch_links(runs: Sequence[_Runs], designs: Sequence[RunDesigns]) -> MonitorArrays:
     """Return what a monitor on each link concludes, shape (steps, lanes, ...)."""
-    built = detectors.build(*detector, cell.scenarios[NO_ATTACK].sampling_period_sec)
-    monitors = RunMonitors(designs=(), groups=group_monitors(lanes, built))
+    lanes = [link for _ in runs for one in designs for link in one.links]
+    plan = designs[0].plan
+    groups = group_monitors(lanes, detectors.build(*plan.detector, plan.sampling_period_sec))
+    monitors = RunMonitors(designs=tuple(lanes), groups=groups)
     received = np.stack([one.received for one in runs], axis=1)
     delivered = np.stack([one.delivered for one in runs], axis=1)
     steps = len(received)
@@ -120,20 +129,12 @@ def _watch_links(
     return concluded
 
 
-def _watch_all(
-    cell: Cell, runs: Sequence[_Runs], lanes: Sequence[StudyDesign], detector: tuple[str, dict[str, object]]
-) -> MonitorArrays:
+def _watch_all(runs: Sequence[_Runs], designs: Sequence[RunDesigns]) -> MonitorArrays:
     """Return what the combined monitors conclude, shape (steps, lanes, ...)."""
-    del lanes
-    settings = combined_settings(cell.observer, *detector)
     by_seed = []
-    for position, seed in enumerate(cell.seeds):
-        signals = [
-            np.stack([getattr(one, name)[:, position] for one in runs], axis=1)
-            for name in ("sent", "reference", "received", "delivered")
-        ]
-        scenario = cell.scenarios[NO_ATTACK].model_copy(update={"seed": seed})
-        by_seed.append(conclude(scenario, settings, Signals(*signals)))
+    for position, one in enumerate(designs):
+        signals = [np.stack([getattr(run, name)[:, position] for run in runs], axis=1) for name in Signals._fields]
+        by_seed.append(conclude(one, Signals(*signals)))
 
     def lanes_of(name: str) -> NDArray[Any]:
         whole = np.stack([getattr(one, name) for one in by_seed], axis=2)  # (steps, attacks, seeds, links, ...)
@@ -184,25 +185,33 @@ def _simulated(scenario: Scenario, seeds: Sequence[int]) -> _Runs:
     blocks = list(simulate(scenario, seeds=seeds))
     links = [link for one in scenario.attacks for link in one.plan.links]
     clean, _ = _window(scenario)
+    lying = np.zeros((scenario.steps, len(seeds), len(scenario.links)), dtype=np.bool_)
+    for one in (one for block in blocks for one in block.doubled):
+        lying[one.step, :, one.position] = True
     return _Runs(
         sent=np.concatenate([block.y for block in blocks]),
         reference=np.concatenate([block.reference for block in blocks]),
         received=np.concatenate([block.received for block in blocks]),
         delivered=np.concatenate([block.delivered for block in blocks]),
+        lying=lying,
         impact=impact_of(scenario, np.concatenate([block.x for block in blocks]), clean if links else 0),
         attacked=np.array([link in links for link in scenario.links]),
         clean=clean,
     )
 
 
-def _designs(cell: Cell, base: Scenario) -> Mapping[int, Mapping[int, StudyDesign]]:
-    """Return the design for each source of each seed: every run has a history of its own."""
-    sources = sorted({link.source for link in base.links})
-    found: dict[int, dict[int, StudyDesign]] = {}
-    for seed in cell.seeds:
-        scenario = base.model_copy(update={"seed": seed})
-        found[seed] = {dgu: design_for(cell.observer.kind, cell.observer.options, scenario, dgu) for dgu in sources}
-    return found
+def _designs(cell: Cell, scenario: Scenario) -> RunDesigns:
+    """Return what is designed for the runs of one seed: each has histories of its own."""
+    observer = cell.observer
+    settings = MonitorSettings(
+        observer=ObserverSettings(kind=observer.kind, options=observer.options),
+        local=observer.local,
+        plausibility=observer.plausibility,
+    )
+    topics = replace(topics_of(scenario), has_team=False, parts=parts_of(settings))
+    histories = {dgu: history_of(histories_of_run(scenario, dgu)) for dgu in topics.dgus}
+    method = method_of(observer.kind, observer.options, scenario)
+    return design_run(topics, settings, histories, method=method)
 
 
 def _judge(runs: _Runs, part: _Part, window: tuple[int, int], period_sec: float) -> dict[str, NDArray[Any]]:
@@ -246,7 +255,7 @@ def _table(
     point: Mapping[str, object],
     runs: _Runs,
     judged: Mapping[str, NDArray[Any]],
-    lanes: Sequence[StudyDesign],
+    lanes: Sequence[LinkDesign],
 ) -> pa.Table:
     links = cell.scenarios[NO_ATTACK].links
     rows = len(cell.seeds) * len(links)

@@ -6,24 +6,16 @@ stepped in floats, several side by side in arrays.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, NamedTuple, final
+from typing import NamedTuple, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bags.watch.combined_arrays import CombinedFields, fields_of
+from bags.watch.designs import RunDesigns
 from bags.watch.monitors import MonitorArrays
-from bags.wire.convert import design_record
-from bags.wire.documents import DesignCodec
-from bags.wire.records import DesignRecord
-from bags.wire.schema import RunTopics
-from dgu_sim.settings import MonitorSettings
-from monitor.combined import CombinedDesign, CombinedPlan, DguOutput, DguState, LocalPlan, Own, Received, design
-from monitor.history import History
-from monitor.linear import Component
-
-if TYPE_CHECKING:
-    from monitor.linear import Flag
+from monitor.combined import DguMonitor, DguOutput, DguState, Own, Received
+from monitor.linear import Component, Flag
 
 _WIDTH = 3
 
@@ -40,104 +32,19 @@ class Conclusions(NamedTuple):
     combined: CombinedFields
 
 
-def plan_of(settings: MonitorSettings, sampling_period_sec: float) -> CombinedPlan:
-    """What a scenario tells the monitor of every DGU."""
-    own, plausible = settings.local, settings.plausibility
-    return CombinedPlan(
-        observer=(settings.observer.kind, settings.observer.options),
-        detector=(settings.detector.kind, settings.detector.options),
-        sampling_period_sec=sampling_period_sec,
-        local=None
-        if own is None
-        else LocalPlan(
-            decay=own.decay,
-            load_sec=own.load_sec,
-            load_range_a=own.load_range_a,
-            detector=(own.detector.kind, own.detector.options),
-        ),
-        estimator=None if plausible is None else (plausible.estimator.kind, plausible.estimator.options),
-        limits={} if plausible is None else plausible.limits.model_dump(),
-        quiet_sec=None if settings.response is None else settings.response.quiet_sec,
-    )
-
-
-def design_combined(
-    topics: RunTopics, settings: MonitorSettings, histories: Mapping[int, History]
-) -> tuple[CombinedDesign, ...]:
-    """Design everything for each monitor of a run, in their order.
-
-    Raises:
-        monitor.errors.MonitorError: Unknown kind or option.
-    """
-    plan = plan_of(settings, topics.sampling_period_ns * 1e-9)
-    return tuple(
-        design(plan, [histories[source] for source in topics.sources(monitor)], histories.get(monitor))
-        for monitor in topics.monitors
-    )
-
-
-def design_messages(
-    topics: RunTopics, designs: Sequence[CombinedDesign]
-) -> tuple[tuple[DesignCodec, DesignRecord], ...]:
-    """What the monitors say about their designs before step 0, in canonical order."""
-    each = [messages_of(topics, monitor, designed) for monitor, designed in zip(topics.monitors, designs, strict=True)]
-    return tuple(message for kind in zip(*each, strict=True) for messages in kind for message in messages)
-
-
-def messages_of(
-    topics: RunTopics, monitor: int, designed: CombinedDesign
-) -> tuple[list[tuple[DesignCodec, DesignRecord]], ...]:
-    """What one monitor says about its designs: of its links, of its own state, of its input estimators."""
-    combined = topics.combined
-    assert combined is not None  # noqa: S101 - whoever designs these has seen to it
-    links = [link for link in topics.links if link.target == monitor]
-    own = []
-    if designed.local is not None:
-        certificate = designed.local.certificate
-        record = DesignRecord(
-            source=monitor,
-            monitor=monitor,
-            observer=certificate.kind,
-            accepted=certificate.accepted,
-            verdict=certificate.verdict,
-            certificate=certificate.to_json(),
-        )
-        own = [(combined.design(monitor), record)]
-    estimators = [
-        DesignRecord(
-            source=link.source,
-            monitor=monitor,
-            observer=one.kind,
-            accepted=one.accepted,
-            verdict=one.verdict,
-            certificate=one.to_json(),
-        )
-        for link, one in zip(links, designed.inputs, strict=False)
-    ]
-    return (
-        [
-            (topics.design(link), design_record(one, link.source, monitor))
-            for link, one in zip(links, designed.links, strict=True)
-        ],
-        own,
-        [(combined.input_design(link), record) for link, record in zip(links, estimators, strict=False)],
-    )
-
-
 @final
 @dataclass(slots=True, kw_only=True)
 class Watch:
     """All monitors of a run while it goes on: a `dgu_sim.simulate.Respond` that remembers what they said.
 
     Attributes:
-        topics: The links and DGUs.
         designs: What runs at each monitor.
         runs: Runs side by side.
     """
 
-    topics: RunTopics
-    designs: Sequence[CombinedDesign]
+    designs: RunDesigns
     runs: int = 1
+    _monitors: tuple[DguMonitor, ...] = field(init=False)
     _states: list[DguState] = field(init=False)
     _incoming: list[list[int]] = field(init=False)
     _own: list[int] = field(init=False)
@@ -145,10 +52,11 @@ class Watch:
 
     def __post_init__(self) -> None:
         """Start all monitors."""
-        self._states = [one.monitor.init() for one in self.designs]
-        links, monitors = self.topics.links, self.topics.monitors
+        topics, self._monitors = self.designs.topics, self.designs.monitors
+        self._states = [one.init() for one in self._monitors]
+        links, monitors = topics.links, topics.monitors
         self._incoming = [[at for at, link in enumerate(links) if link.target == one] for one in monitors]
-        self._own = [self.topics.dgus.index(one) for one in monitors]
+        self._own = [topics.dgus.index(one) for one in monitors]
         self._rows = []
 
     def __call__(
@@ -160,25 +68,38 @@ class Watch:
         spoofed: Sequence[int] = (),
     ) -> NDArray[np.bool_]:
         """Step all monitors; see `dgu_sim.simulate.Respond`."""
+        outputs = self.step(sent, reference, received, delivered, [at in spoofed for at in range(delivered.shape[1])])
+        dropped = np.zeros(delivered.shape, dtype=np.bool_)
+        for incoming, output in zip(self._incoming, outputs, strict=True):
+            for at, flag in zip(incoming, output.verdict.dropped, strict=True):
+                dropped[:, at] = flag
+        if self.runs == 1:
+            self._rows.append(outputs)
+        return dropped
+
+    def step(
+        self,
+        sent: NDArray[np.float64],
+        reference: NDArray[np.float64],
+        received: NDArray[np.float64],
+        delivered: NDArray[np.bool_],
+        lying: Sequence[Flag],
+    ) -> list[DguOutput]:
+        """What each monitor says to one step; as `__call__`, but for what the guards say about each link's stream."""
         alone = self.runs == 1
         y, own_y = _vectors(received, alone=alone), _vectors(sent, alone=alone)
         references: Sequence[Component] = reference[0].tolist() if alone else list(reference.T)
         arrived: Sequence[Flag] = delivered[0].tolist() if alone else list(delivered.T)
-        dropped = np.zeros(delivered.shape, dtype=np.bool_)
         outputs = []
-        for number, (designed, incoming, own) in enumerate(zip(self.designs, self._incoming, self._own, strict=True)):
-            self._states[number], output = designed.monitor.step(
+        for number, (monitor, incoming, own) in enumerate(zip(self._monitors, self._incoming, self._own, strict=True)):
+            self._states[number], output = monitor.step(
                 self._states[number],
                 [Received(y[at], arrived[at]) for at in incoming],
                 Own(own_y[own], references[own]),
-                [at in spoofed for at in incoming],
+                [lying[at] for at in incoming],
             )
-            for at, flag in zip(incoming, output.verdict.dropped, strict=True):
-                dropped[:, at] = flag
             outputs.append(output)
-        if alone:
-            self._rows.append(outputs)
-        return dropped
+        return outputs
 
     def follow(
         self,
@@ -204,10 +125,10 @@ class Watch:
     def take(self) -> Conclusions:
         """What was said since the last call, of one run."""
         rows, self._rows = self._rows, []
-        combined = self.topics.combined
+        combined = self.designs.topics.combined
         assert combined is not None  # noqa: S101 - whoever makes a Watch has seen to it
-        lags = [one.lag for designed in self.designs for one in designed.monitor.inputs]
-        return Conclusions(links=_links(rows, len(self.topics.links)), combined=fields_of(rows, lags, combined))
+        lags = [one.lag for monitor in self._monitors for one in monitor.inputs]
+        return Conclusions(links=_links(rows, len(self.designs.topics.links)), combined=fields_of(rows, lags, combined))
 
 
 def _vectors(components: NDArray[np.float64], *, alone: bool) -> list[list[Component]]:

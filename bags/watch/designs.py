@@ -1,24 +1,30 @@
 """What all monitors of a run are designed to run: from histories, or as a bag carries it."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
-from typing import TypeAlias, final
+from dataclasses import dataclass, field, replace
+from typing import NamedTuple, TypeAlias, final
 
-from bags.watch.carried import Carried
-from bags.watch.team import RunTeam, carried_run_team, design_run_team
-from bags.wire.convert import design_record
+from bags.mcap.errors import BagError
+from bags.watch.carried import Carried, Part
+from bags.watch.histories import grid_history_of_run, histories_of_run
+from bags.watch.team import RunTeam, run_team
+from bags.watch.team import plan_of as team_plan_of
+from bags.wire.convert import design_record, history_of
 from bags.wire.documents import DesignCodec
-from bags.wire.records import DesignRecord
-from bags.wire.schema import RunTopics
+from bags.wire.records import DesignRecord, HistoryRecord
+from bags.wire.schema import RunTopics, topics_of
 from dgu_sim.grid import Link
+from dgu_sim.scenario import Scenario
 from dgu_sim.settings import MonitorSettings
 from monitor import input_estimators, local
-from monitor.combined import CombinedDesign, CombinedPlan, LocalPlan, design_own
+from monitor.combined import CombinedDesign, CombinedPlan, DguMonitor, LocalPlan, design_own
 from monitor.history import History
 from monitor.input_estimators import EstimatorDesign
 from monitor.link_design import LinkDesign, carried_link, design_link
 from monitor.local import LocalDesign
 from monitor.team import TeamPlan
+
+_WIDTH = 3  # components of a received output
 
 LinkMethod: TypeAlias = Callable[[int, History], LinkDesign]
 """From the number of a DGU and its history to what watches the links from it."""
@@ -46,16 +52,31 @@ class RunDesigns:
         """What watches each link, in the order of the links."""
         return tuple(one for design in self.dgus.values() for one in design.links)
 
+    @property
+    def monitors(self) -> tuple[DguMonitor, ...]:
+        """What steps, in the order of the monitors; raises what `CombinedDesign.monitor` does."""
+        return tuple(one.monitor(self.plan) for one in self.dgus.values())
+
+    def told(self) -> dict[str, DesignRecord]:
+        """All that is said about designs, the team's included, by topic."""
+        team = [] if self.team is None else self.team.messages()
+        return {codec.topic.name: record for codec, record in (*self.messages(), *team)}
+
+    @property
+    def refusals(self) -> tuple[tuple[str, str], ...]:
+        """What cannot be watched, by the topic of its design, and why."""
+        return tuple((name, record.verdict) for name, record in self.told().items() if not record.accepted)
+
     def judged_by(self, kind: str, options: Mapping[str, object]) -> "RunDesigns":
         """The same observers under another detector."""
         return replace(self, plan=replace(self.plan, detector=(kind, options)))
 
     def messages(self) -> tuple[tuple[DesignCodec, DesignRecord], ...]:
-        """What the monitors say about their designs before step 0, in canonical order."""
+        """What the monitors say about their designs before step 0, in canonical order; the team speaks for itself."""
         found, own, estimators = [], [], []
         combined = self.topics.combined
         for monitor, design in self.dgus.items():
-            incoming = _incoming(self.topics, monitor)
+            incoming = incoming_links(self.topics, monitor)
             found += [
                 (self.topics.design(link), design_record(one, link.source, monitor))
                 for link, one in zip(incoming, design.links, strict=True)
@@ -67,8 +88,19 @@ class RunDesigns:
                     (combined.input_design(link), design_record(one, link.source, monitor))
                     for link, one in zip(incoming, design.inputs, strict=True)
                 ]
-        team = [] if self.team is None else self.team.messages()
-        return (*found, *own, *estimators, *team)
+        return (*found, *own, *estimators)
+
+
+class Told(NamedTuple):
+    """What a monitor is told besides data.
+
+    Attributes:
+        settings: What it runs.
+        carried: Designs that it takes as they are where they fit; None: it designs everything.
+    """
+
+    settings: MonitorSettings
+    carried: Carried | None
 
 
 def plan_of(settings: MonitorSettings, sampling_period_sec: float) -> CombinedPlan:
@@ -114,47 +146,108 @@ def design_run(
         method: What designs the observers of links, None: what the settings say.
 
     Raises:
+        BagError: A history has more states than a message carries.
         monitor.errors.MonitorError: Unknown kind or option, or one that does not fit.
     """
+    for source, history in histories.items():
+        if history.states > _WIDTH:
+            raise BagError(
+                f"the history of DGU {source} has {history.states} states, expected at most {_WIDTH}: a "
+                "dcmg_msgs/Residual carries no more"
+            )
     plan = plan_of(settings, topics.sampling_period_ns * 1e-9)
-    designer = _Designer(topics=topics, plan=plan, settings=settings, histories=histories, carried=carried)
-    designer = designer if method is None else replace(designer, method=method)
+    make = _Maker(topics=topics, settings=settings, plan=plan, histories=histories, carried=carried, method=method)
     return RunDesigns(
         topics=topics,
         plan=plan,
-        dgus={dgu: designer.dgu(dgu) for dgu in (topics.monitors if monitors is None else monitors)},
-        team=None if team is None or topics.team is None else designer.team(*team),
+        dgus={dgu: make.dgu(dgu) for dgu in (topics.monitors if monitors is None else monitors)},
+        team=None if team is None or topics.team is None else run_team(topics.team, settings, team, carried),
     )
+
+
+def design_scenario(scenario: Scenario, *, carried: Carried | None = None) -> RunDesigns:
+    """Design everything that the monitors of a scenario run, from its histories.
+
+    Raises:
+        BagError: A recorded history cannot be read.
+        monitor.errors.MonitorError: Unknown kind or option, or one that does not fit.
+    """
+    topics = topics_of(scenario)
+    histories = {dgu: history_of(histories_of_run(scenario, dgu)) for dgu in topics.dgus}
+    team = team_told(scenario, topics, () if topics.team is None else grid_history_of_run(scenario))
+    return design_run(topics, scenario.monitor, histories, carried=carried, team=team)
+
+
+def team_told(scenario: Scenario, topics: RunTopics, grid: Sequence[HistoryRecord]) -> tuple[TeamPlan, History] | None:
+    """What the members of a team are told, and the record of the whole grid; None without a team."""
+    return None if topics.team is None else (team_plan_of(scenario, topics.team), history_of(grid))
 
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _Designer:
-    """Designs what is not carried; links from one DGU share a design."""
+class _Maker:
+    """Takes what is carried and designs the rest; links from one DGU share a design."""
 
     topics: RunTopics
-    plan: CombinedPlan
     settings: MonitorSettings
+    plan: CombinedPlan
     histories: Mapping[int, History]
     carried: Carried | None
-    method: LinkMethod
-    links: dict[int, LinkDesign]
-    inputs: dict[int, EstimatorDesign]
+    method: LinkMethod | None
+    links: dict[int, LinkDesign] = field(default_factory=dict)
+    inputs: dict[int, EstimatorDesign] = field(default_factory=dict)
 
     def dgu(self, monitor: int) -> CombinedDesign:
-        incoming = _incoming(self.topics, monitor)
+        incoming = incoming_links(self.topics, monitor)
         links = tuple(self._link(link) for link in incoming)
         inputs = tuple(self._input(link) for link in incoming) if self.plan.estimator is not None else ()
-        own = None if self.plan.local is None else self._local(monitor, self.plan.local, links)
+        own = None if self.plan.local is None else self._own(monitor, self.plan.local, links)
         return CombinedDesign(links=links, inputs=inputs, local=own)
 
+    def _taken(
+        self,
+        codec: DesignCodec,
+        asked: Callable[[MonitorSettings], object],
+        restore: Callable[[DesignRecord], Part | None],
+    ) -> Part | None:
+        return None if self.carried is None else self.carried.take(codec, self.settings, asked, restore)
+
     def _link(self, link: Link) -> LinkDesign:
-        source, history = link.source, self.histories[link.source]
-        if self.carried is not None and self.carried.settings.observer == self.settings.observer:
-            record = self.carried.record(self.topics.design(link))
-            found = None if record is None else carried_link(record.observer, record.certificate, history)
-            if found is not None:
-                return found
-        if source not in self.links:
-            self.links[source] = self.method(source, history)
-        return self.links[source]
+        history = self.histories[link.source]
+        found = self._taken(
+            self.topics.design(link),
+            lambda settings: settings.observer,
+            lambda record: carried_link(record.observer, record.certificate, history),
+        )
+        if found is None and link.source not in self.links:
+            kind, options = self.plan.observer
+            fresh = self.method(link.source, history) if self.method else design_link(kind, history, options)
+            self.links[link.source] = fresh
+        return found or self.links[link.source]
+
+    def _input(self, link: Link) -> EstimatorDesign:
+        assert self.plan.estimator is not None  # noqa: S101 - the caller has seen to it
+        assert self.topics.combined is not None  # noqa: S101 - a plausibility test makes it so
+        found = self._taken(
+            self.topics.combined.input_design(link),
+            lambda settings: settings.plausibility and settings.plausibility.estimator,
+            lambda record: input_estimators.carried(record.observer, record.certificate),
+        )
+        if found is None and link.source not in self.inputs:
+            kind, options = self.plan.estimator
+            self.inputs[link.source] = input_estimators.design(kind, self.histories[link.source], options)
+        return found or self.inputs[link.source]
+
+    def _own(self, monitor: int, plan: LocalPlan, links: Sequence[LinkDesign]) -> LocalDesign:
+        assert self.topics.combined is not None  # noqa: S101 - a local module makes it so
+        found = self._taken(
+            self.topics.combined.design(monitor),
+            lambda settings: settings.local and settings.local.decay,
+            lambda record: local.carried(record.certificate),
+        )
+        return found or design_own(plan, links, self.histories[monitor])
+
+
+def incoming_links(topics: RunTopics, monitor: int) -> tuple[Link, ...]:
+    """The links into a DGU, by ascending source."""
+    return tuple(link for link in topics.links if link.target == monitor)

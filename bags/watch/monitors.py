@@ -4,44 +4,28 @@ A node steps one LinkMonitor with floats. Here the same LinkMonitor steps all li
 shape with arrays over links: the same multiply-adds in the same order, so the same bits.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol, final
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bags.mcap.errors import BagError
+from bags.watch.designs import RunDesigns, design_scenario
 from bags.watch.monitor_blocks import run_monitor
 from bags.watch.stacked_observer import StackedObserver
-from bags.wire.schema import RunTopics
 from dgu_sim.grid import Link
+from dgu_sim.scenario import Scenario
 from dgu_sim.settings import MonitorSettings
-from monitor import detectors, observers
+from monitor import detectors
 from monitor.delayed import ConstantInput
 from monitor.detectors import Detector, Phase
-from monitor.history import History
+from monitor.link_design import LinkDesign
 from monitor.link_monitor import LinkMonitor, MonitorOutput, MonitorState
 from monitor.measures import changed
-from monitor.observers import Design, LinearObserver, Observer
+from monitor.observers import LinearObserver, Observer
 
 _WIDTH = 3  # components of a received output
-
-
-class Watching(Protocol):
-    """What watches one link, as far as stepping it matters; a Design is one."""
-
-    @property
-    def observer(self) -> Observer | None:
-        """None when refused."""
-
-    @property
-    def channels(self) -> tuple[int, ...] | None:
-        """Positions in the received vector of the outputs that it uses."""
-
-    @property
-    def blind(self) -> bool:
-        """Whether its residual shows nothing."""
 
 
 @final
@@ -90,7 +74,7 @@ class RunMonitors:
         groups: How they step.
     """
 
-    designs: tuple[Design, ...]
+    designs: tuple[LinkDesign, ...]
     groups: tuple[LinkGroup, ...]
 
     def init(self) -> tuple[MonitorState, ...]:
@@ -122,35 +106,29 @@ class RunMonitors:
         return tuple(following), arrays
 
 
-def design_monitors(topics: RunTopics, settings: MonitorSettings, histories: Mapping[int, History]) -> RunMonitors:
-    """Design an observer for every link from the history of its source.
-
-    Args:
-        topics: The links and T_s.
-        settings: Observer and detector.
-        histories: History of each DGU.
+def monitors_of(designs: RunDesigns, runs: int = 1) -> RunMonitors:
+    """The monitors of all links of a run, or of several side by side, run after run on the axis "links".
 
     Raises:
-        BagError: A history has more states than a message carries.
+        monitor.errors.MonitorError: Unknown kind or option of the detector.
+    """
+    links = designs.links * runs
+    detector = detectors.build(*designs.plan.detector, designs.plan.sampling_period_sec)
+    return RunMonitors(designs=links, groups=group_monitors(links, detector))
+
+
+def link_monitors(scenario: Scenario, runs: int = 1) -> RunMonitors:
+    """What watches each link of a scenario by itself, whatever else its monitors run; for several runs side by side.
+
+    Raises:
+        BagError: A recorded history cannot be read.
         monitor.errors.MonitorError: Unknown kind or option.
     """
-    for source, history in histories.items():
-        if history.states > _WIDTH:
-            raise BagError(
-                f"the history of DGU {source} has {history.states} states, expected at most {_WIDTH}: a "
-                "dcmg_msgs/Residual carries no more"
-            )
-    kind, options = settings.observer.kind, settings.observer.options
-    by_source = {
-        source: observers.design(kind, histories[source], options)
-        for source in sorted({link.source for link in topics.links})
-    }
-    designs = tuple(by_source[link.source] for link in topics.links)
-    detector = detectors.build(settings.detector.kind, settings.detector.options, topics.sampling_period_ns * 1e-9)
-    return RunMonitors(designs=designs, groups=group_monitors(designs, detector))
+    alone = MonitorSettings(observer=scenario.monitor.observer, detector=scenario.monitor.detector)
+    return monitors_of(design_scenario(scenario.model_copy(update={"monitor": alone})), runs)
 
 
-def group_monitors(designs: Sequence[Watching], detector: Detector[Any]) -> tuple[LinkGroup, ...]:
+def group_monitors(designs: Sequence[LinkDesign], detector: Detector[Any]) -> tuple[LinkGroup, ...]:
     """Put the monitors of all links together, those of equal shape into one.
 
     Args:
@@ -184,7 +162,7 @@ def alarm_changes(alarm: NDArray[np.bool_], before: NDArray[np.bool_], links: Se
     return sorted(found, key=lambda one: (one[0], links[one[1]].target, links[one[1]].source))
 
 
-def _grouped(designs: Sequence[Watching]) -> list[tuple[list[int], Observer]]:
+def _grouped(designs: Sequence[LinkDesign]) -> list[tuple[list[int], Observer]]:
     """Positions and observer of the links that step together; refused ones are in no group."""
     shapes: dict[tuple[object, ...], list[int]] = {}
     for position, design in enumerate(designs):

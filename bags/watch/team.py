@@ -10,19 +10,21 @@ from typing import final
 import numpy as np
 from numpy.typing import NDArray
 
-from bags.watch.histories import grid_history_of_run
+from bags.watch.carried import Carried
 from bags.watch.team_record import TeamArrays
-from bags.wire.convert import history_of
+from bags.wire.documents import DesignCodec
 from bags.wire.records import DesignRecord
 from bags.wire.team_topics import GRID, TeamTopics
 from dgu_sim.scenario import Scenario
+from dgu_sim.settings import MonitorSettings
 from dgu_sim.signals import first_step
 from dgu_sim.team_checks import team_links
 from dgu_sim.team_settings import AnnouncedInput, TeamEventKind
 from monitor.history import History
-from monitor.team import Lie, MemberOutput, MemberState, Presence, TeamDesign, TeamPlan, design_team
+from monitor.team import Lie, MemberOutput, MemberState, Presence, Team, TeamPlan, carried_team, design_team
 
 OBSERVER = "distributed"
+_JUDGED_BY = ("settle_sec", "calibrate_sec", "margin", "floor", "isolate")
 
 
 @final
@@ -33,16 +35,31 @@ class RunTeam:
     Attributes:
         topics: Its topics.
         plan: Who is in it.
-        design: What was designed.
+        team: What runs.
     """
 
     topics: TeamTopics
     plan: TeamPlan
-    design: TeamDesign
+    team: Team
+
+    def messages(self) -> list[tuple[DesignCodec, DesignRecord]]:
+        """What the members say about their design before step 0."""
+        return [(self.topics.design(member), self.record(member)) for member in self.plan.members]
+
+    def record(self, member: int) -> DesignRecord:
+        """The design of the team as one member tells it."""
+        return DesignRecord(
+            source=GRID,
+            monitor=member,
+            observer=OBSERVER,
+            accepted=self.team.accepted,
+            verdict=self.team.verdict,
+            certificate=self.team.documents[self.plan.members.index(member)],
+        )
 
     def init(self) -> tuple[tuple[MemberState, ...], TeamArrays]:
         """States before step 0, and the nothing that came before."""
-        return tuple(member.init() for member in self.design.members), TeamArrays.empty(self.topics, 1)
+        return tuple(member.init() for member in self.team.members), TeamArrays.empty(self.topics, 1)
 
     def run(
         self,
@@ -71,7 +88,7 @@ class RunTeam:
         for row in range(len(y)):
             stepped = [
                 member.step(state, *self._fed(at, own[row], incoming[row], announced, told))
-                for at, (member, state) in enumerate(zip(self.design.members, states, strict=True))
+                for at, (member, state) in enumerate(zip(self.team.members, states, strict=True))
             ]
             states, told, announced = tuple(one for one, _ in stepped), [two for _, two in stepped], following[row]
             for at, output in enumerate(told):
@@ -131,34 +148,33 @@ def plan_of(scenario: Scenario, topics: TeamTopics) -> TeamPlan:
     )
 
 
-def run_team(scenario: Scenario, topics: TeamTopics, history: History) -> RunTeam:
-    """Design the team of a scenario from a record of the whole grid.
+def run_team(
+    topics: TeamTopics, settings: MonitorSettings, told: tuple[TeamPlan, History], carried: Carried | None = None
+) -> RunTeam:
+    """The team of a run: as it is carried, or designed from a record of the whole grid.
+
+    Args:
+        topics: Its topics.
+        settings: What the monitors run.
+        told: Who is in it, and the record.
+        carried: Designs that are taken as they are where they were made with the same settings and are complete.
 
     Raises:
         monitor.errors.MonitorError: The record is of another grid.
     """
-    plan = plan_of(scenario, topics)
-    return RunTeam(topics=topics, plan=plan, design=design_team(plan, history))
+    plan, history = told
+    team = None
+    if carried is not None:
+        codec = topics.design(plan.members[0])
+        records = [carried.records.get(topics.design(member).topic.name) for member in plan.members]
+        documents = [record.certificate for record in records if record is not None]
+        if len(documents) == len(records):
+            team = carried.take(
+                codec, settings, _designed_by, lambda record: carried_team(plan, record.verdict, documents)
+            )
+    return RunTeam(topics=topics, plan=plan, team=team or design_team(plan, history).team)
 
 
-def design_of(scenario: Scenario) -> TeamDesign:
-    """The team that a scenario's monitors will find, from its record of the whole grid.
-
-    Raises:
-        BagError: The bag of histories cannot be read or holds none of the grid.
-        monitor.errors.MonitorError: The record is of another grid.
-    """
-    topics = TeamTopics(dgus=scenario.grid.dgus, links=scenario.links, sampling_period_ns=scenario.sampling_period_ns)
-    return run_team(scenario, topics, history_of(grid_history_of_run(scenario))).design
-
-
-def team_design_record(design: TeamDesign, member: int) -> DesignRecord:
-    """The design of the team in the form in which it travels."""
-    return DesignRecord(
-        source=GRID,
-        monitor=member,
-        observer=OBSERVER,
-        accepted=design.accepted,
-        verdict=design.verdict,
-        certificate=design.report.to_json(),
-    )
+def _designed_by(settings: MonitorSettings) -> object:
+    """What of the settings the design of a team depends on: not how its members judge one another."""
+    return settings.team and settings.team.model_copy(update=dict.fromkeys(_JUDGED_BY))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 from bags.wire.records import DesignRecord, HistoryRecord
 from monitor.history import Experiment, History
@@ -12,7 +12,6 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from dgu_sim.experiment import ExperimentData
-    from monitor.observers import Design
 
 
 def history_records(dgu: int, experiments: Sequence[ExperimentData]) -> list[HistoryRecord]:
@@ -46,13 +45,33 @@ def history_of(records: Sequence[HistoryRecord]) -> History:
     return History(tuple(experiments), ordered[0].sampling_period_sec if ordered else math.nan, comparable=True)
 
 
-def design_record(design: Design, source: int, monitor: int) -> DesignRecord:
-    """Put the design for the link source → monitor into the form in which it travels."""
+class Told(Protocol):
+    """A design, as far as it is told."""
+
+    @property
+    def kind(self) -> str:
+        """Name of the design method."""
+
+    @property
+    def accepted(self) -> bool:
+        """Whether there is something that runs."""
+
+    @property
+    def verdict(self) -> str:
+        """One line in plain words."""
+
+    @property
+    def document(self) -> str:
+        """What it knows about itself, and what it runs, as JSON."""
+
+
+def design_record(design: Told, source: int, monitor: int) -> DesignRecord:
+    """Put a design for the link source → monitor into the form in which it travels."""
     return DesignRecord(
         source=source,
         monitor=monitor,
         observer=design.kind,
         accepted=design.accepted,
         verdict=design.verdict,
-        certificate=design.certificate.to_json(),
+        certificate=design.document,
     )

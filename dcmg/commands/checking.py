@@ -1,35 +1,41 @@
-"""What is checked before a run starts."""
+"""What is designed and checked before a run starts."""
 
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from bags.watch.histories import histories_of_run
-from bags.wire.convert import history_of
+from bags.watch.carried import read_carried
+from bags.watch.designs import design_scenario
 from dcmg.commands.showing import messages
-from monitor import detectors, observers
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
+    from bags.watch.designs import RunDesigns
     from dgu_sim.scenario import Scenario
 
 
-def check_monitors(scenario: Scenario) -> None:
-    """Design every observer and build the detector once, so that a run does not start in vain.
+def check_monitors(scenario: Scenario, designs: Path | None = None) -> RunDesigns:
+    """Design everything that the monitors run and put it together once, so that a run does not start in vain.
+
+    Args:
+        scenario: what is to run.
+        designs: bag whose designs are taken where they fit, None: everything is designed.
 
     Raises:
         MonitorError: an unknown kind or option, or a history that cannot be used.
-        BagError: the bag of histories cannot be read.
+        BagError: the bag of histories, or that of designs, cannot be read.
     """
-    detector, observer = scenario.monitor.detector, scenario.monitor.observer
-    detectors.build(detector.kind, detector.options, scenario.sampling_period_sec)
-    for source in sorted({link.source for link in scenario.links}):
-        history = history_of(histories_of_run(scenario, source))
-        design = observers.design(observer.kind, history, observer.options)
-        if not design.accepted:
-            messages.print(f"[yellow]links from DGU {source} are not monitored[/]: {design.verdict}", soft_wrap=True)
-    if scenario.monitor.team is not None:
-        from bags.watch.team import design_of  # noqa: PLC0415 (heavy)
-
-        team = design_of(scenario)
-        if not team.accepted:
-            messages.print(f"[yellow]no team[/]: {team.verdict}", soft_wrap=True)
+    carried = None if designs is None else read_carried(designs)
+    found = design_scenario(scenario, carried=carried)
+    found.monitors  # noqa: B018 - putting them together is the check
+    reasons: dict[str, list[str]] = {}
+    for name, verdict in found.refusals:
+        reasons.setdefault(verdict, []).append(name)
+    for verdict, names in reasons.items():
+        messages.print(f"[yellow]not watched[/]: {', '.join(names)}: {verdict}", soft_wrap=True)
+    if carried is not None:
+        anew = carried.anew(found.told())
+        if anew:
+            messages.print(f"[yellow]designed anew[/], {designs} does not fit: {', '.join(anew)}", soft_wrap=True)
+    return found

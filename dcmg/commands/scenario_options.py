@@ -38,6 +38,14 @@ History = Annotated[
         show_default=False,
     ),
 ]
+Designs = Annotated[
+    Path | None,
+    typer.Option(
+        metavar="BAG",
+        help="take the monitors' designs from the bag of another run where they fit: the same bits on every processor",
+        show_default=False,
+    ),
+]
 Plots = Annotated[bool, typer.Option(help="draw states and residuals as PNG files")]
 
 

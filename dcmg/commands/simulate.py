@@ -16,6 +16,7 @@ def simulate(
     seed: options.Seed = None,
     out: options.Out = None,
     history: options.History = None,
+    designs: options.Designs = None,
     set_: options.Set = None,
     json: options.Json = False,
     plots: options.Plots = True,
@@ -45,10 +46,10 @@ def simulate(
     from dcmg.live import LiveDisplay  # noqa: PLC0415 (heavy)
 
     loaded = chosen.load()
-    check_monitors(loaded)
+    designed = check_monitors(loaded, designs)
     folder = chosen.folder(loaded)
     folder.mkdir(parents=True, exist_ok=True)
     with LiveDisplay(messages, loaded.steps, loaded.sampling_period_sec) as display:
-        bag = simulate_to_bag(loaded, folder / "bag", display.steps, recording, host_facts())
+        bag = simulate_to_bag(loaded, folder / "bag", display.steps, recording, host_facts(), designs=designed)
     show(bag, folder if plots else None, json=json, partial=is_partial(loaded, recording))
     raise typer.Exit(0)

@@ -13,15 +13,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from bags.watch.histories import grid_history_of_run, histories_of_run
-from bags.watch.monitors import design_monitors
-from bags.watch.team import run_team
+from bags.watch.histories import grid_history_of_run
+from bags.watch.monitors import link_monitors
+from bags.watch.team import RunTeam, plan_of
 from bags.wire.convert import history_of
 from bags.wire.schema import run_topics
 from dcmg.papers.check import Check
 from dcmg.shipped import scenario_path
 from dgu_sim.scenario import load_scenario
 from dgu_sim.simulate import simulate
+from monitor.team import design_team
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -221,23 +222,24 @@ def _simulated(scenario: Scenario) -> _Simulated:
     topics = run_topics(scenario.grid.dgus, scenario.links, scenario.sampling_period_ns, team=True)
     if topics.team is None:
         raise TypeError("a scenario without a team")
-    team = run_team(scenario, topics.team, history_of(grid_history_of_run(scenario)))
+    plan = plan_of(scenario, topics.team)
+    made = design_team(plan, history_of(grid_history_of_run(scenario)))
+    team = RunTeam(topics=topics.team, plan=plan, team=made.team)
     (block,) = simulate(scenario, block_steps=scenario.steps)
     positions = [topics.dgus.index(dgu) for dgu in topics.team.announcing]
     inputs = np.stack([block.load_current[:, 0, positions], block.reference[:, 0, positions]], axis=-1)
     began = process_time()
     _, told = team.run(team.init(), block.y[:, 0], block.received[:, 0], inputs)
     step_us = 1e6 * (process_time() - began) / (scenario.steps * len(topics.dgus))
-    histories = {dgu: history_of(histories_of_run(scenario, dgu)) for dgu in topics.dgus}
-    monitors = design_monitors(topics, scenario.monitor, histories)
+    monitors = link_monitors(scenario)
     _, outputs = monitors.run(monitors.init(), block.received[:, 0], block.delivered[:, 0])
-    report = team.design.report
+    report = made.report
     return _Simulated(
         told=told,
         apart=np.abs(told.estimate - block.x[:, 0].reshape(scenario.steps, 1, -1)),
         alarm=outputs.alarm,
         step_us=step_us,
-        verdict=team.design.verdict,
+        verdict=made.verdict,
         radius=report.network.stability or np.nan,
         misfit=max(report.network.misfit, default=np.nan),
         harm=np.max(np.array(report.harm)[:, 0], axis=0) if report.harm else np.full(3, np.nan),

@@ -8,10 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from bags.watch.histories import histories_of_run
-from bags.watch.monitors import design_monitors
-from bags.wire.convert import history_of
-from bags.wire.schema import run_topics
+from bags.watch.monitors import link_monitors
 from dgu_sim import settings as settings_module
 from dgu_sim.attacks import KINDS, Attack
 from dgu_sim.attacks import registry as registry_module
@@ -55,9 +52,7 @@ def test_who_sees_it_is_measured(page: str, shipped: Callable[..., Scenario], ki
     (said,) = re.findall(rf"^\| `{kind}` \|.*\| (seen|unseen) \|$", page, flags=re.MULTILINE)
     attack = f"attacks=[{{kind: {kind}, start_sec: 3, {EXAMPLES[kind]}}}]"
     scenario = shipped("gallo_six_dgu", "duration_sec=8", attack)
-    topics = run_topics(scenario.grid.dgus, scenario.links, scenario.sampling_period_ns)
-    histories = {dgu: history_of(histories_of_run(scenario, dgu)) for dgu in topics.dgus}
-    monitors = design_monitors(topics, scenario.monitor, histories)
+    monitors = link_monitors(scenario)
     (block,) = simulate(scenario, block_steps=scenario.steps)
     _, outputs = monitors.run(monitors.init(), block.received[:, 0], block.delivered[:, 0])
     assert not outputs.alarm[:300].any()

@@ -15,8 +15,9 @@ from dgu_sim.records import Physical, Sample
 from dgu_sim.scenario import Scenario, parse_scenario
 from dgu_sim.simulate import relay_of
 from dgu_sim.unit import unit_of
-from monitor import detectors, observers
-from monitor.link_monitor import LinkMonitor, MonitorOutput
+from monitor import detectors
+from monitor.link_design import design_link
+from monitor.link_monitor import MonitorOutput
 
 
 class _Nodes:
@@ -36,9 +37,9 @@ class _Nodes:
         for link in topics.links:
             codec = topics.history(link.source)
             received = history_of([codec.decode(codec.encode(record)) for record in histories[link.source]])
-            design = observers.design(settings.observer.kind, received, settings.observer.options)
+            design = design_link(settings.observer.kind, received, settings.observer.options)
             detector = detectors.build(settings.detector.kind, settings.detector.options, scenario.sampling_period_sec)
-            self.monitors.append(LinkMonitor(observer=design.observer, detector=detector))
+            self.monitors.append(design.monitor(detector))
             told = design_record(design, link.source, link.target)
             bag.write(topics.design(link).topic.name, 0, topics.design(link).encode(told))
         self.monitor_states = [one.init() for one in self.monitors]

@@ -12,10 +12,9 @@ from bags.runs.offline import simulate_to_bag
 from bags.runs.reader import read_run
 from bags.runs.replay import replay, replay_windows
 from bags.runs.run_record import RunRecord
-from bags.watch.combined import Watch, design_combined
+from bags.watch.combined import Watch
 from bags.watch.combined_arrays import CombinedArrays
-from bags.watch.histories import histories_of_run
-from bags.wire.convert import history_of
+from bags.watch.designs import design_scenario
 from bags.wire.schema import topics_of
 from dgu_sim.errors import ScenarioError
 from dgu_sim.grid import Link
@@ -44,8 +43,7 @@ def _attack(attack: str) -> str:
 def _run(scenario: Scenario, *, respond: bool = True) -> tuple[Block, CombinedArrays]:
     """One run with its monitors."""
     topics = topics_of(scenario)
-    histories = {dgu: history_of(histories_of_run(scenario, dgu)) for dgu in topics.dgus}
-    watch = Watch(topics=topics, designs=design_combined(topics, scenario.monitor, histories))
+    watch = Watch(designs=design_scenario(scenario))
     (block,) = simulate(scenario, block_steps=scenario.steps, respond=watch if respond else None)
     if not respond:
         watch.follow(block.y[:, 0], block.reference[:, 0], block.received[:, 0], block.delivered[:, 0], {})
@@ -230,13 +228,11 @@ def test_runs_side_by_side_are_each_run_alone() -> None:
     """A response in a batch of runs gives each run the bits that it has alone."""
     noise = "noise={kind: gaussian, std: [1.0e-4, 1.0e-4, 1.0e-5]}"
     scenario = _scenario(noise, "duration_sec=3.2", _attack("kind: bias, link: 1-2, bias: [0.0, 2.0, 0.0]"))
-    topics = topics_of(scenario)
-    histories = {dgu: history_of(histories_of_run(scenario, dgu)) for dgu in topics.dgus}
-    designs = design_combined(topics, scenario.monitor, histories)
+    designs = design_scenario(scenario)
     seeds = (4, 5)
-    (together,) = simulate(scenario, seeds, scenario.steps, respond=Watch(topics=topics, designs=designs, runs=2))
+    (together,) = simulate(scenario, seeds, scenario.steps, respond=Watch(designs=designs, runs=2))
     for run, seed in enumerate(seeds):
-        (alone,) = simulate(scenario, (seed,), scenario.steps, respond=Watch(topics=topics, designs=designs))
+        (alone,) = simulate(scenario, (seed,), scenario.steps, respond=Watch(designs=designs))
         np.testing.assert_array_equal(together.x[:, run], alone.x[:, 0])
 
 

@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 
 from bags.runs.replay import histories_of
 from bags.runs.run_record import RunRecord
-from bags.watch.monitors import RunMonitors, alarm_changes, design_monitors
+from bags.watch.designs import design_run
+from bags.watch.monitors import RunMonitors, alarm_changes, monitors_of
 from bags.wire.convert import history_of, history_records
 from dgu_sim.detector_defaults import DETECTORS
 from dgu_sim.experiment import run_experiments
@@ -24,7 +25,7 @@ def _monitors(record: RunRecord, scenario: Scenario) -> RunMonitors:
     histories = histories_of(record)
     still = np.zeros((20, 3))
     histories[3] = History((Experiment(np.empty((20, 0)), still, still, 0.01),), 0.01)
-    return design_monitors(record.topics, scenario.monitor, histories)
+    return monitors_of(design_run(record.topics, scenario.monitor, histories))
 
 
 def test_refused_links_stay_silent(monitors: RunMonitors, record: RunRecord) -> None:
@@ -76,7 +77,7 @@ def test_stacked_observers_of_other_kinds_have_the_bits_of_single_ones(
     chosen = scenario.monitor.model_copy(update={"observer": ObserverSettings(kind=kind, options=options)})
     longer = scenario.model_copy(update={"history": scenario.history.model_copy(update={"samples": 60})})
     histories = {dgu: history_of(history_records(dgu, run_experiments(longer, dgu))) for dgu in record.topics.dgus}
-    monitors = design_monitors(record.topics, chosen, histories)
+    monitors = monitors_of(design_run(record.topics, chosen, histories))
     assert [group.positions.tolist() for group in monitors.groups] == [[0, 1, 2, 3]]
     _, found = monitors.run(monitors.init(), record.received[:80], record.delivered[:80])
     detector = detectors.build(chosen.detector.kind, chosen.detector.options, scenario.sampling_period_sec)
@@ -115,7 +116,7 @@ def test_detectors_judge_many_steps_as_they_judge_each(kind: str, record: RunRec
     options: dict[str, object] = {name: short[name] for name in short if name in DETECTORS[kind]}
     options |= needed.get(kind, {})
     chosen = scenario.monitor.model_copy(update={"detector": DetectorSettings(kind=kind, options=options)})
-    monitors = design_monitors(record.topics, chosen, histories_of(record))
+    monitors = monitors_of(design_run(record.topics, chosen, histories_of(record)))
     received, delivered = record.received[90:220].copy(), record.delivered[90:220].copy()
     received[70, 2], delivered[70, 2] = np.nan, False
     _, together = monitors.run(monitors.init(), received, delivered)

@@ -10,10 +10,7 @@ import pytest
 from typer.testing import CliRunner
 
 from bags.runs.watching import watch
-from bags.watch.histories import histories_of_run
-from bags.watch.monitors import design_monitors
-from bags.wire.convert import history_of
-from bags.wire.schema import run_topics
+from bags.watch.monitors import link_monitors
 from dcmg.commands.measure import MEASURES, app
 from dcmg.measures import damage, false_alarms, roc
 from dcmg.shipped import scenario_path
@@ -32,9 +29,7 @@ def test_many_runs_at_once_are_each_run_alone() -> None:
         scenario_path("gallo_six_dgu"), [f"noise={false_alarms.NOISE['student']}", "duration_sec=4"]
     )
     parts = list(watch(scenario, (3, 8), 150))
-    topics = run_topics(scenario.grid.dgus, scenario.links, scenario.sampling_period_ns)
-    histories = {dgu: history_of(histories_of_run(scenario, dgu)) for dgu in topics.dgus}
-    monitors = design_monitors(topics, scenario.monitor, histories)
+    monitors = link_monitors(scenario)
     (block,) = simulate(scenario, (8,), scenario.steps)
     _, alone = monitors.run(monitors.init(), block.received[:, 0], block.delivered[:, 0])
     for name in ("residual", "threshold", "alarm", "phase"):

@@ -7,10 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import pytest
 
-from bags.watch.histories import histories_of_run
-from bags.watch.monitors import MonitorArrays, design_monitors
-from bags.wire.convert import history_of
-from bags.wire.schema import run_topics
+from bags.watch.monitors import MonitorArrays, link_monitors
 from dgu_sim.scenario import load_scenario
 from dgu_sim.simulate import simulate
 from monitor.detectors import Phase
@@ -31,9 +28,7 @@ NOISE = {
 
 def _conclusions(path: Path, *overrides: str) -> MonitorArrays:
     scenario = load_scenario(path, overrides)
-    topics = run_topics(scenario.grid.dgus, scenario.links, scenario.sampling_period_ns)
-    histories = {dgu: history_of(histories_of_run(scenario, dgu)) for dgu in topics.dgus}
-    monitors = design_monitors(topics, scenario.monitor, histories)
+    monitors = link_monitors(scenario)
     (block,) = simulate(scenario, block_steps=scenario.steps)
     return monitors.run(monitors.init(), block.received[:, 0], block.delivered[:, 0])[1]
 

@@ -27,6 +27,7 @@ def node(
     rate: Annotated[float, typer.Option(min=0.001, help="real-time factor of the clock")] = 1.0,
     start_timeout: Annotated[float, typer.Option(help="how long the clock waits for all nodes [s]")] = 30.0,
     set_: options.Set = None,
+    designs: options.Designs = None,
     bag_compression: recorded.BagCompression = recorded.CompressionName.ZSTD,
     bag_chunks: recorded.BagChunks = ChunkPreset.SAFE,
     bag_split_mb: recorded.BagSplitMb = None,
@@ -52,7 +53,9 @@ def node(
         in_time=in_time(pacing),
     )
     chosen = options.ScenarioOptions(name=scenario, duration_sec=None, seed=None, out=None, overrides=set_ or [])
-    how = NodeOptions(out=out, pacing=pacing, rate=rate, start_timeout_sec=start_timeout, recording=recording)
+    how = NodeOptions(
+        out=out, pacing=pacing, rate=rate, start_timeout_sec=start_timeout, recording=recording, designs=designs
+    )
     from dcmg_nodes.main import run_nodes  # noqa: PLC0415 (imports rclpy)
 
     with said_in_one_line():

@@ -35,6 +35,7 @@ def run(
     out: options.Out = None,
     composed: Annotated[bool, typer.Option("--composed", help="all nodes in one process")] = False,
     history: options.History = None,
+    designs: options.Designs = None,
     set_: options.Set = None,
     json: options.Json = False,
     plots: options.Plots = True,
@@ -67,7 +68,7 @@ def run(
         raise CommandError(f"--rate {rate:g}: expected only together with --pacing realtime")
     from dcmg_bringup.run_job import RunOptions  # noqa: PLC0415 (heavy)
 
-    how = RunOptions(pacing=pacing, rate=rate, composed=composed, domain=domain, recording=recording)
+    how = RunOptions(pacing=pacing, rate=rate, composed=composed, domain=domain, recording=recording, designs=designs)
     raise typer.Exit(_run(chosen, how, json=json, plots=plots))
 
 
@@ -84,7 +85,7 @@ def _run(chosen: options.ScenarioOptions, how: RunOptions, *, json: bool, plots:
     from dcmg_bringup.run_job import run_job  # noqa: PLC0415 (heavy)
 
     scenario = chosen.load()
-    check_monitors(scenario)
+    check_monitors(scenario, how.designs)
     out = chosen.folder(scenario)
     with LiveDisplay(messages, scenario.steps, scenario.sampling_period_sec) as display:
         outcome = run_job(scenario, out, how, display)

@@ -50,6 +50,7 @@ class RunOptions:
         composed: all nodes in one process instead of one process a node.
         domain: ROS domain id, None: the first free one.
         recording: how the bag is written.
+        designs: bag with designs that the monitors take where they fit, None: they design everything.
     """
 
     pacing: PacingMode = PacingMode.LOCKSTEP
@@ -57,6 +58,7 @@ class RunOptions:
     composed: bool = False
     domain: int | None = None
     recording: Recording = field(default_factory=Recording)
+    designs: Path | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,7 +95,13 @@ def run_job(scenario: Scenario, out: Path, options: RunOptions, display: Display
         wiring = wiring_of(scenario)
         wiring.warm_up()
         nodes = {_ALL: wiring.nodes} if options.composed else {name: (name,) for name in wiring.nodes}
-        node_options = NodeOptions(out=out, pacing=options.pacing, rate=options.rate, recording=options.recording)
+        node_options = NodeOptions(
+            out=out,
+            pacing=options.pacing,
+            rate=options.rate,
+            recording=options.recording,
+            designs=options.designs,
+        )
         group = ProcessGroup(nodes, scenario, node_options, out / "log")
         try:
             return _follow(wiring, group, out / BAG, display)

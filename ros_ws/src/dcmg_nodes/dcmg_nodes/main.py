@@ -12,7 +12,8 @@ from rclpy.signals import SignalHandlerOptions
 
 from bags.mcap.writer import open_recording
 from bags.runs.origin import attach_origin, host_facts
-from bags.watch.combined import plan_of
+from bags.watch.carried import read_carried
+from bags.watch.designs import Told
 from bags.watch.histories import grid_history_of_run, histories_of_run, recorded_states
 from bags.wire.schema import ATTACKER_NODE, CLOCK_NODE, dgu_name, monitor_name
 from dcmg_nodes.attacker_node import AttackerNode
@@ -118,8 +119,9 @@ class _Builder:
         return AttackerNode(self._wiring, self._host, relay, state, self._scenario.steps).ports
 
     def _monitor(self, dgu: int) -> Ports:
+        designs = self._options.designs
         config = MonitorConfig(
-            plan=plan_of(self._scenario.monitor, self._scenario.sampling_period_sec),
+            told=Told(self._scenario.monitor, None if designs is None else read_carried(designs)),
             steps=self._scenario.steps,
             newest=self._scenario.receiver.accept is Accept.NEWEST,
         )

@@ -8,23 +8,22 @@ from typing import TYPE_CHECKING
 
 from bags.wire.schema import monitor_name
 from bags.wire.stream import claimed_step
-from dcmg_nodes.combined_side import CombinedSide
 from dcmg_nodes.inbox import Inbox
 from dcmg_nodes.intake import Intake, taken
-from dcmg_nodes.links_side import LinksSide
 from dcmg_nodes.ports import Ports
 from dcmg_nodes.second_publisher import SecondPublisherReaders
 from dcmg_nodes.stream_watch import StreamWatch
 from dcmg_nodes.team_side import TeamSide
+from dcmg_nodes.watch_side import WatchSide
 from monitor.combined import Received
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from bags.watch.designs import Told
     from dcmg_nodes.host import Host
     from dcmg_nodes.intake import Others
     from dcmg_nodes.wiring import Wiring
-    from monitor.combined import CombinedPlan
     from monitor.link_monitor import MonitorOutput
 
 
@@ -33,12 +32,12 @@ class MonitorConfig:
     """What a monitor is told besides data.
 
     Attributes:
-        plan: what it runs.
+        told: what it runs.
         steps: number of steps of the run.
         newest: whether the newest of two messages of one step counts, or that of the known publisher.
     """
 
-    plan: CombinedPlan
+    told: Told
     steps: int
     newest: bool
 
@@ -57,8 +56,7 @@ class MonitorNode:
         self._stream_codec, self._streams = topics.stream(dgu), StreamWatch(self._received)
         self._alarms = [False] * (len(links) + 1)
         self._step = 0
-        kind = LinksSide if topics.combined is None else CombinedSide
-        self._side: LinksSide | CombinedSide = kind(self.ports, topics, dgu, config.plan, self._alarm)
+        self._side = WatchSide(self.ports, topics, dgu, config.told, self._alarm)
         names = [codec.topic.name for codec in self._received]
         if self._side.own is not None:
             names.append(self._side.own.topic.name)
@@ -72,7 +70,8 @@ class MonitorNode:
         self._seconds = SecondPublisherReaders(self.ports, links, expect)
         self._team: TeamSide | None = None
         if topics.team is not None and wiring.plan is not None:
-            self._team = TeamSide(self.ports, topics.output(dgu), topics.team, wiring.plan, self._finish_when_done)
+            team = (wiring.plan, config.told)
+            self._team = TeamSide(self.ports, topics.output(dgu), topics.team, team, self._finish_when_done)
         self.ports.ready_when(lambda: self._side.ready and (not self._team or self._team.ready))
 
     def _receive(self, slot: int, own: bytes, others: Others | None) -> None:

@@ -40,6 +40,7 @@ class NodeOptions:
         start_timeout_sec: how long the clock waits for all nodes [s].
         stall_timeout_sec: how long a step may stay incomplete [s].
         recording: how the recorder writes its bag.
+        designs: bag with designs that the monitors take where they fit, None: they design everything.
     """
 
     out: Path
@@ -49,3 +50,4 @@ class NodeOptions:
     start_timeout_sec: float = 30.0
     stall_timeout_sec: float = 8.0
     recording: Recording = field(default_factory=Recording)
+    designs: Path | None = None

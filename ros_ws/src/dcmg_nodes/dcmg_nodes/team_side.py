@@ -5,16 +5,16 @@ from __future__ import annotations
 from functools import partial
 from typing import TYPE_CHECKING
 
-from bags.watch.team import team_design_record
+from bags.watch.team import run_team
 from bags.watch.team_record import accusation
 from bags.wire.convert import history_of
 from dcmg_nodes.inbox import Inbox
-from monitor.team import design_team
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from bags.mcap.topic import Topic
+    from bags.watch.designs import Told
     from bags.wire.codecs import OutputCodec
     from bags.wire.records import HistoryRecord
     from bags.wire.team_topics import TeamTopics
@@ -26,14 +26,20 @@ class TeamSide:
     """Fires step k on the outputs of step k that it measures, and what was announced and told at k-1."""
 
     def __init__(
-        self, ports: Ports, own: OutputCodec, topics: TeamTopics, plan: TeamPlan, finished: Callable[[], None]
+        self,
+        ports: Ports,
+        own: OutputCodec,
+        topics: TeamTopics,
+        told: tuple[TeamPlan, Told],
+        finished: Callable[[], None],
     ) -> None:
         """Subscribe to the grid's history, the own output, announced inputs and the neighbours' estimates."""
         dgu = own.source
-        self._ports, self._plan, self._dgu, self._finished = ports, plan, dgu, finished
+        plan, self._told = told
+        self._ports, self._plan, self._dgu, self._finished, self._topics = ports, plan, dgu, finished, topics
         self._own, self._heard = own, plan.heard[dgu]
         self._inputs = [topics.inputs(other) for other in plan.unheard(dgu)]
-        self._told = [topics.estimate(other) for other in plan.neighbours(dgu)]
+        self._estimates = [topics.estimate(other) for other in plan.neighbours(dgu)]
         self._history, self._design = topics.history(), topics.design(dgu)
         self._estimate, self._alarm_codec = topics.estimate(dgu), topics.alarms(dgu)
         self._experiments: list[HistoryRecord] = []
@@ -41,7 +47,7 @@ class TeamSide:
         self._state: MemberState | None = None
         self._accused = (False,) * len(plan.members)
         self.step = 0
-        later = [codec.topic for codec in self._inputs] + [codec.topic for codec in self._told]
+        later = [codec.topic for codec in self._inputs] + [codec.topic for codec in self._estimates]
         names = [f"output of DGU {other}" for other in self._heard] + [topic.name for topic in later]
         self._inbox: Inbox[bytes] = Inbox(names, primed=frozenset(names[len(self._heard) :]))
         self._subscribe(self._heard.index(dgu), self._own.topic)
@@ -67,13 +73,15 @@ class TeamSide:
         self._experiments.append(self._history.decode(data))
         if len(self._experiments) < self._experiments[0].experiments:
             return
-        design = design_team(self._plan, history_of(self._experiments))
-        if not design.accepted:
-            reason = f"no team: {design.verdict}"
+        told = (self._plan, history_of(self._experiments))
+        designed = run_team(self._topics, self._told.settings, told, self._told.carried)
+        record = designed.record(self._dgu)
+        if not record.accepted:
+            reason = f"no team: {record.verdict}"
             self._ports.log.warning(reason)
-        self._member = design.members[self._plan.members.index(self._dgu)]
+        self._member = designed.team.members[self._plan.members.index(self._dgu)]
         self._state = self._member.init()
-        self._ports.publish(self._design.topic.name, self._design.encode(team_design_record(design, self._dgu)))
+        self._ports.publish(self._design.topic.name, self._design.encode(record))
 
     def _receive(self, slot: int, data: bytes) -> None:
         tokens = self._inbox.push(slot, data)
@@ -89,7 +97,7 @@ class TeamSide:
         announced = [codec.decode(data)[1] for codec, data in zip(self._inputs, before, strict=False) if data]
         told = [
             codec.decode(data)[1].told if data else None
-            for codec, data in zip(self._told, before[len(self._inputs) :], strict=True)
+            for codec, data in zip(self._estimates, before[len(self._inputs) :], strict=True)
         ]
         y = [float(component) for output in outputs for component in output]
         self._state, output = self._member.step(self._state, y, self._plan.told(announced), told)

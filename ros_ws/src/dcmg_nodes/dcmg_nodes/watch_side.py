@@ -1,33 +1,32 @@
-"""A monitor node's part that draws one conclusion from several tests, designed from recorded data alone."""
+"""A monitor node's part that watches: everything that `monitor` runs for one DGU, designed from recorded data alone."""
 
 from __future__ import annotations
 
 from functools import partial
 from typing import TYPE_CHECKING
 
-from bags.watch.combined import messages_of
+from bags.watch.designs import design_run
 from bags.wire.convert import history_of
 from bags.wire.stream import lies
-from monitor.combined import design
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
+    from bags.watch.designs import Told
     from bags.wire.combined_topics import OwnCodec
     from bags.wire.records import HistoryRecord
     from bags.wire.schema import RunTopics
     from dcmg_nodes.ports import Ports
-    from monitor.combined import CombinedPlan, DguMonitor, DguOutput, DguState, Received
+    from monitor.combined import DguMonitor, DguOutput, DguState, Received
     from monitor.link_monitor import MonitorOutput
     from monitor.stream_guard import Faults
 
 
-class CombinedSide:
-    """Steps everything that one DGU's monitor runs; `alarm` tells of an alarm on a link, or of the own state.
+class WatchSide:
+    """Steps one `DguMonitor`; `alarm` tells of an alarm on a link, or of the own state.
 
     Attributes:
         own: codec of the own samples, None without a module of the own state.
-        ready: whether everything is designed.
     """
 
     def __init__(
@@ -35,18 +34,19 @@ class CombinedSide:
         ports: Ports,
         topics: RunTopics,
         dgu: int,
-        plan: CombinedPlan,
+        told: Told,
         alarm: Callable[[int, int, MonitorOutput], None],
     ) -> None:
-        """Subscribe to the histories of the neighbours, and to the own one."""
-        self._ports, self._topics, self._dgu, self._plan, self._alarm = ports, topics, dgu, plan, alarm
-        combined = topics.combined
-        assert combined is not None  # noqa: S101 - the node has seen to it
+        """Subscribe to the histories of the neighbours, and to the own one where the own state is watched."""
+        self._ports, self._topics, self._dgu, self._alarm = ports, topics, dgu, alarm
+        self._told = told
         links = [link for link in topics.links if link.target == dgu]
-        self.own: OwnCodec | None = combined.own(dgu) if combined.parts.local else None
+        combined = topics.combined
+        self.own: OwnCodec | None = combined.own(dgu) if combined is not None and combined.parts.local else None
         self._residuals = [topics.residual(link) for link in links]
-        self._own_residual, self._verdict = combined.residual(dgu), combined.verdict(dgu)
-        self._inputs = [combined.input(link) for link in links]
+        self._inputs = [] if combined is None else [combined.input(link) for link in links]
+        self._own_residual = None if combined is None else combined.residual(dgu)
+        self._verdict = None if combined is None else combined.verdict(dgu)
         self._histories: dict[int, list[HistoryRecord]] = {link.source: [] for link in links}
         if self.own is not None:
             self._histories[dgu] = []
@@ -79,23 +79,23 @@ class CombinedSide:
 
     def _design(self) -> None:
         histories = {source: history_of(records) for source, records in self._histories.items()}
-        neighbours = [histories[source] for source in self._topics.sources(self._dgu)]
-        designed = design(self._plan, neighbours, histories.get(self._dgu))
-        for messages in messages_of(self._topics, self._dgu, designed):
-            for codec, record in messages:
-                if not record.accepted:
-                    reason = f"{codec.topic.name}: {record.verdict}"
-                    self._ports.log.warning(reason)
-                self._ports.publish(codec.topic.name, codec.encode(record))
-        self._monitor, self._state = designed.monitor, designed.monitor.init()
+        told, monitors = self._told, (self._dgu,)
+        designs = design_run(self._topics, told.settings, histories, carried=told.carried, monitors=monitors)
+        for name, verdict in designs.refusals:
+            self._ports.log.warning(f"{name}: {verdict}")  # noqa: G004 - rclpy's logger takes a string
+        for codec, record in designs.messages():
+            self._ports.publish(codec.topic.name, codec.encode(record))
+        (self._monitor,) = designs.monitors
+        self._state = self._monitor.init()
 
     def _tell(self, k: int, output: DguOutput, lags: Sequence[int]) -> None:
         for slot, (codec, said) in enumerate(zip(self._residuals, output.links, strict=True)):
             self._alarm(slot, codec.source, said)
             self._ports.publish(codec.topic.name, codec.encode(k, said))
-        if output.local is not None:
+        if output.local is not None and self._own_residual is not None:
             self._alarm(len(self._residuals), self._dgu, output.local.monitor)
             self._ports.publish(self._own_residual.topic.name, self._own_residual.encode(k, output.local.monitor))
         for estimate, lag, judged in zip(self._inputs, lags, output.inputs, strict=False):
             self._ports.publish(estimate.topic.name, estimate.encode(k, lag, judged))
-        self._ports.publish(self._verdict.topic.name, self._verdict.encode(k, output.verdict))
+        if self._verdict is not None:
+            self._ports.publish(self._verdict.topic.name, self._verdict.encode(k, output.verdict))
