@@ -53,6 +53,7 @@ class Acceptors:
         rank: of S.
         margin: smallest singular value of S relative to its largest on the target's behaviour; the kernel condition
             ker S in ker target holds exactly when it is not zero.
+        tolerance: relative, directions of S below it carry only rounding or noise.
     """
 
     regression: Regression
@@ -60,6 +61,7 @@ class Acceptors:
     N: NDArray[np.float64]
     rank: int
     margin: float
+    tolerance: float
 
     @property
     def W_x0(self) -> NDArray[np.float64]:  # noqa: N802 - the symbol of the paper
@@ -75,9 +77,8 @@ class Acceptors:
 def regress(behaviour: Behaviour, selection: NDArray[np.float64]) -> Regression:
     """Set up the equation for the states `selection @ x`, selection (k, n)."""
     m, p, k = len(behaviour.L_u), len(behaviour.C), len(selection)
-    C, L_x, L_xf = behaviour.C, behaviour.L_x, behaviour.L_xf
-    S = np.vstack([behaviour.L_u, C @ L_x, selection @ L_x, behaviour.L_uf, C @ L_xf])
-    return Regression(S=S, target=selection @ L_xf, widths=(m, p, k))
+    S = np.vstack([behaviour.L_u, behaviour.L_y, selection @ behaviour.L_x, behaviour.L_uf, behaviour.L_yf])
+    return Regression(S=S, target=selection @ behaviour.L_xf, widths=(m, p, k))
 
 
 def solve(regression: Regression, tolerance: float) -> Acceptors | None:
@@ -90,15 +91,16 @@ def solve(regression: Regression, tolerance: float) -> Acceptors | None:
     kernel = right[rank:].T
     if kernel.size and np.linalg.norm(regression.target @ kernel, 2) > tolerance * values[0]:
         return None
-    return solve_of_rank(regression, rank)
+    return solve_of_rank(regression, rank, tolerance)
 
 
-def solve_of_rank(regression: Regression, rank: int) -> Acceptors:
+def solve_of_rank(regression: Regression, rank: int, tolerance: float) -> Acceptors:
     """Solve W S = target for all W where the rank of S is decided and ker S is in ker target."""
     left, values, right = np.linalg.svd(regression.S, full_matrices=True)
     W0 = (regression.target @ right[:rank].T / values[:rank]) @ left[:, :rank].T
     margin = float(values[rank - 1] / values[0])
-    return Acceptors(regression=regression, W0=W0, N=left[:, rank:].T, rank=rank, margin=margin)
+    N = left[:, rank:].T
+    return Acceptors(regression=regression, W0=W0, N=N, rank=rank, margin=margin, tolerance=tolerance)
 
 
 def unstable_fixed_modes(acceptors: Acceptors, limit: float) -> NDArray[np.complex128]:

@@ -1,21 +1,23 @@
-"""The subspace of all one-step trajectories (u_t, x_t, u_t+1, x_t+1) that the history spans."""
+"""The subspace of all one-step trajectories (u_t, x_t, y_t, u_t+1, x_t+1, y_t+1) that the history spans."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from monitor.errors import HistoryError
+from monitor.output_map import Misfit, identify_output_map
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from monitor.history import DataMatrices
 
-_ROUNDING = 1e-9  # relative misfit of y = C x that exact data may show
-_SELECTION = 1e-2  # entries of C this close to 0 and 1 are a selection of states
+
+def _nothing() -> NDArray[np.float64]:
+    return np.empty((0, 0))
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -23,12 +25,16 @@ class Behaviour:
     """What the data say once the rank is decided; every column of L is a one-step trajectory of the plant.
 
     Attributes:
-        L_u: (m, r) known inputs at t, r = 2m + n + m_d.
+        L_u: (m, r) known inputs at t, r = 2m + n + m_d, plus rank G where unknown inputs act on y directly.
         L_x: (n, r) states at t.
         L_uf: (m, r) known inputs at t + 1.
         L_xf: (n, r) states at t + 1.
-        C: (p, n) output map, y = C x.
+        C: (p, n) output map, y = C x + D u + G d.
         unknown_inputs: m_d.
+        D: (p, m) feedthrough; zero unless given.
+        L_g: (p, r) G d at t; zero unless given.
+        L_gf: (p, r) G d at t + 1; zero unless given.
+        C_error: how wrong C may be for the noise of the outputs, in the 2-norm.
     """
 
     L_u: NDArray[np.float64]
@@ -37,48 +43,70 @@ class Behaviour:
     L_xf: NDArray[np.float64]
     C: NDArray[np.float64]
     unknown_inputs: int
+    D: NDArray[np.float64] = field(default_factory=_nothing)
+    L_g: NDArray[np.float64] = field(default_factory=_nothing)
+    L_gf: NDArray[np.float64] = field(default_factory=_nothing)
+    C_error: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Fill in what is zero."""
+        p, r = len(self.C), self.L_x.shape[1]
+        for name, shape in (("D", (p, len(self.L_u))), ("L_g", (p, r)), ("L_gf", (p, r))):
+            if getattr(self, name).shape == (0, 0):
+                object.__setattr__(self, name, np.zeros(shape))
+
+    @property
+    def L_y(self) -> NDArray[np.float64]:  # noqa: N802 - as its siblings
+        """(p, r) outputs at t."""
+        return self.C @ self.L_x + self.D @ self.L_u + self.L_g
+
+    @property
+    def L_yf(self) -> NDArray[np.float64]:  # noqa: N802 - as its siblings
+        """(p, r) outputs at t + 1."""
+        return self.C @ self.L_xf + self.D @ self.L_uf + self.L_gf
+
+    @property
+    def undisturbed(self) -> NDArray[np.float64]:
+        """(p - rank G, p) orthonormal rows that no unknown input reaches directly: rows @ y = rows @ (C x + D u)."""
+        if not self.L_gf.any():
+            return np.eye(len(self.C))
+        left, values, _ = np.linalg.svd(self.L_gf)
+        return np.asarray(left[:, int(np.count_nonzero(values > _DIRECT * values[0])) :].T)
 
     @property
     def stacked(self) -> NDArray[np.float64]:
         """[U_p; Y_p; X_p; U_f; Y_f] of T (13) on the trajectories of the basis."""
-        return np.vstack([self.L_u, self.C @ self.L_x, self.L_x, self.L_uf, self.C @ self.L_xf])
+        return np.vstack([self.L_u, self.L_y, self.L_x, self.L_uf, self.L_yf])
 
     def in_units(self, u: NDArray[np.float64], y: NDArray[np.float64], x: NDArray[np.float64]) -> Behaviour:
-        """The same behaviour with every signal multiplied by its factor; the basis stays orthonormal."""
-        blocks = (u[:, None] * self.L_u, x[:, None] * self.L_x, u[:, None] * self.L_uf, x[:, None] * self.L_xf)
+        """The same behaviour with every signal multiplied by its factor; the basis is orthonormal in the new units."""
+        blocks = [u[:, None] * self.L_u, x[:, None] * self.L_x, u[:, None] * self.L_uf, x[:, None] * self.L_xf]
+        blocks += [y[:, None] * self.L_g, y[:, None] * self.L_gf]
         basis, _ = np.linalg.qr(np.vstack(blocks))
-        L_u, L_x, L_uf, L_xf = np.split(basis, np.cumsum([len(block) for block in blocks[:-1]]))
-        C = y[:, None] * self.C / x
-        return replace(self, L_u=L_u, L_x=L_x, L_uf=L_uf, L_xf=L_xf, C=C)
+        parts = np.split(basis, np.cumsum([len(block) for block in blocks[:-1]]))
+        L_u, L_x, L_uf, L_xf, L_g, L_gf = parts
+        C, D = y[:, None] * self.C / x, y[:, None] * self.D / u
+        return replace(self, L_u=L_u, L_x=L_x, L_uf=L_uf, L_xf=L_xf, L_g=L_g, L_gf=L_gf, C=C, D=D)
+
+
+_DIRECT = 1e-9  # relative: a direction of G below is rounding
 
 
 def identify_output(data: DataMatrices) -> NDArray[np.float64]:
-    """Find C = Y X^+ (reduced-order UIO paper, below (10)).
+    """Find C = Y X^+ of y = C x (reduced-order UIO paper, below (10)), for methods that know no feedthrough.
 
     Raises:
-        HistoryError: y is no static function of x, or carries the states in another order.
+        HistoryError: y is no static function of x alone.
     """
-    X, Y = np.hstack([data.X_p, data.X_f]), np.hstack([data.Y_p, data.Y_f])
-    C = Y @ np.linalg.pinv(X)
-    rounded = np.round(C)
-    slack = 1.0 + np.sqrt(C.shape[1] / X.shape[1])  # what the fit gains from noise alone
-    if np.linalg.norm(Y - rounded @ X) <= slack * np.linalg.norm(Y - C @ X) + _ROUNDING * np.linalg.norm(Y):
-        C = rounded  # sensors that copy states: the data do not contradict whole numbers
-    misfit = np.linalg.norm(Y - C @ X) / np.linalg.norm(Y - Y.mean(axis=1, keepdims=True))
-    if misfit > 0.5:  # noqa: PLR2004 - half of what moves in y is not explained by x
-        raise HistoryError(
-            f"y = C x leaves {misfit:.0%} of y unexplained: record y and x at the same instants, rows and columns alike"
-        )
-    order = _selected_states(C)
-    if order is not None and order != sorted(order):
-        raise HistoryError(
-            f"y carries the states in the order {order}, expected ascending: put the columns of y in the order of x"
-        )
-    return np.asarray(C)
-
-
-def _selected_states(C: NDArray[np.float64]) -> list[int] | None:
-    """States that y copies, when every row of C is a row of the identity."""
-    order = np.argmax(np.abs(C), axis=1)
-    selection = np.eye(C.shape[1])[order]
-    return [int(state) for state in order] if np.allclose(C, selection, rtol=0.0, atol=_SELECTION) else None
+    found = identify_output_map(data)
+    for row, kind in enumerate(found.kinds):
+        if kind is Misfit.UNKNOWN_INPUT:
+            raise HistoryError(
+                f"y[{row}] = C x leaves {found.misfit[row]:.2g} of its spread unexplained, by an unknown input that "
+                "acts on it directly: use full_order or reduced_order, or record y and x at the same instants"
+            )
+        if found.D[row].any():
+            raise HistoryError(
+                f"y[{row}] holds known inputs as well as states (y = C x + D u): use full_order or reduced_order"
+            )
+    return found.C

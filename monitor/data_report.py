@@ -10,10 +10,13 @@ from monitor.certificate import DataReport
 
 if TYPE_CHECKING:
     from monitor.history import DataMatrices, History
+    from monitor.output_map import OutputMap
     from monitor.rank import RankDecision
 
 
-def report_data(history: History, data: DataMatrices, decision: RankDecision) -> DataReport:
+def report_data(
+    history: History, data: DataMatrices, decision: RankDecision, output: OutputMap | None = None
+) -> DataReport:
     """Put dimensions, rank decision and singular values into the report."""
     n, m, m_d = history.states, history.inputs, decision.unknown_inputs
     regressors = np.vstack([data.U_p, data.Y_p, data.X_p, data.U_f, data.Y_f])
@@ -29,7 +32,7 @@ def report_data(history: History, data: DataMatrices, decision: RankDecision) ->
         rank=None if m_d is None else 2 * m + n + m_d,
         rank_basis=decision.basis.value,
         rank_confidence=decision.confidence,
-        rank_reason=decision.reason,
+        rank_reason="; ".join([decision.reason, *([] if output is None else output.words())]),
         exciting=m_d is not None,
         excitation=decision.excitation,
         innovation_values=decision.innovation_values,

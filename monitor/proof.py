@@ -24,8 +24,9 @@ _SHARE = 5  # one sample, or one experiment, in five is held back
 _FEWEST = 2  # samples held back at least
 _WHOLE = 4  # from so many experiments on whole ones are held back, else the tail of each
 _EXACT = 1e-6  # shares of the spread: an error above is not exact, however ill the history is conditioned
-_LOST = 1e2  # digits that the algebra of a design loses: errors a hundred times the rounding of the samples
 _PEAKS = 3.0  # rounding to few digits grows with the signal: it is no Gaussian noise, and its peaks fall anywhere
+_LOST = 1e4  # the algebra of a design, ill conditioned as the plant is, loses four digits more than the samples
+_WORTHLESS = 1.0  # shares of the spread: an error as large as all that moves is allowed by no noise
 _SIGMAS = 6.0  # Gaussian noise crosses it in two samples of a billion
 
 
@@ -175,13 +176,13 @@ def rounding(tolerance: float, gain: float, trials: Sequence[Trial]) -> Allowanc
     """What rounding of the recorded samples allows an exact design: a share of the signals times the gain on them.
 
     Args:
-        tolerance: relative rounding of the samples.
+        tolerance: rounding of the samples and of what follows from them, in shares of the spread.
         gain: how much larger than the received signals the observer's answer can be.
-        trials: on unseen samples, scaled.
+        trials: on unseen samples, scaled: larger signals carry larger rounding.
     """
     size = max((trial.size for trial in trials), default=1.0)
-    allowed = min(_EXACT, _LOST * tolerance * max(size, 1.0) * (1.0 + gain))
-    return Allowance(error=allowed, residual=allowed, basis="rounding")
+    allowed = min(_EXACT, _LOST * max(tolerance, np.finfo(float).eps * size) * (1.0 + gain))
+    return Allowance(error=float(allowed), residual=float(allowed), basis="rounding")
 
 
 def noise(seen: Sequence[Trial], unknowns: int, exact: Allowance, stated: Allowance | None = None) -> Allowance:
@@ -203,9 +204,11 @@ def noise(seen: Sequence[Trial], unknowns: int, exact: Allowance, stated: Allowa
     if stated is not None:
         levels = [np.maximum(levels[0], _SIGMAS * stated.error), np.maximum(levels[1], _SIGMAS * stated.residual)]
         basis = f"{basis} or {stated.basis}"
-    return Allowance(
-        error=np.maximum(levels[0], exact.error), residual=np.maximum(levels[1], exact.residual), basis=basis
+    error, residual = (
+        np.minimum(np.maximum(level, least), _WORTHLESS)
+        for level, least in zip(levels, (exact.error, exact.residual), strict=True)
     )
+    return Allowance(error=error, residual=residual, basis=basis)
 
 
 def prove(

@@ -9,7 +9,7 @@ Taking m_d too large is the blind trap: with m_d = n and C = I the observer copi
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import TYPE_CHECKING
 
@@ -22,10 +22,13 @@ if TYPE_CHECKING:
 
     from monitor.history import DataMatrices
 
+_ROUNDING = 1e-10  # shares of the spread: what counts as rounding in exact data
+_ROUNDED = 1e2  # innovations that should be zero are smaller than this many times what rounding is expected to leave
+_SPARE = 2  # columns beyond the directions that exact data seem to show, at least
+_SPARE_NOISY = 4  # the same where noise has to be told from signal
 _EXACT_GAP = 1e2  # exact data leave many decades between what is excited and what is rounding
 _KNOWN_GAP = 3.0  # below it the directions of the known unknown inputs are mixed with noise
 _SEARCHED_GAP = 100.0  # a gap that has to be found, not only confirmed: random plants show tenfold gaps by chance
-_RUNNER_UP = 10.0  # and it must be larger by this than the next one
 _NOISE_SPREAD = 1.5  # singular values of pure noise spread by sqrt(n / N) about 1, wider for noise at two instants
 _OVERSTATED = 0.2  # noise values below this share of the stated level contradict it
 
@@ -47,8 +50,10 @@ class RankDecision:
         unknown_inputs: m_d, or None when the data do not tell.
         basis: what the decision rests on.
         confidence: 0 to 1, how far the decision is from the next possible one (1 - second gap / gap).
-        innovation_values: (n,) singular values of the innovations per sample, largest first, units of x.
+        innovation_values: (n,) singular values of the innovations per sample, largest first, in shares of the spread
+            of each state.
         excitation: (2m + n,) singular values of [U_p; X_p; U_f] per sample with rows scaled to unit root mean square.
+        rounding: size of innovations that double precision alone would cause, in the same shares.
         reason: one line in words.
     """
 
@@ -57,6 +62,7 @@ class RankDecision:
     confidence: float
     innovation_values: NDArray[np.float64]
     excitation: NDArray[np.float64]
+    rounding: float
     reason: str
 
 
@@ -67,82 +73,176 @@ class RankOptions:
     Attributes:
         unknown_inputs: m_d, if known.
         noise_std: standard deviation of the measurement noise on x in the history, one or n numbers, if known.
-        relative_tolerance: what counts as rounding in exact data, relative to the largest signal.
+        relative_tolerance: what counts as rounding in exact data, relative to the spread of each signal; None: 1e-10,
+            and a value that lies above the rounding of double precision as well is said to be ambiguous.
     """
 
     unknown_inputs: int | None = None
     noise_std: tuple[float, ...] | float | None = None
-    relative_tolerance: float = 1e-10
+    relative_tolerance: float | None = None
 
 
-def decide_rank(data: DataMatrices, options: RankOptions) -> RankDecision:
-    """Decide how many unknown inputs the history shows.
+def decide_rank(data: DataMatrices, options: RankOptions, direct: NDArray[np.float64] | None = None) -> RankDecision:
+    """Decide how many unknown inputs the history shows; in shares of the spread of each signal, whatever their units.
+
+    Args:
+        data: the history.
+        options: what is known beforehand.
+        direct: (q, N) what unknown inputs add to outputs directly, Y_p - C X_p - D U_p of the outputs they reach.
 
     Raises:
         HistoryError: states and known inputs do not move independently, whatever the unknown inputs do.
     """
     n = len(data.X_f)
-    regressors = np.vstack([data.U_p, data.X_p, data.U_f])
-    row_space, excitation = _row_space(regressors, options.relative_tolerance)
-    innovations = data.X_f - (data.X_f @ row_space.T) @ row_space
-    values = np.linalg.svd(innovations, compute_uv=False)[:n] / np.sqrt(data.columns)
-    values = np.pad(values, (0, n - len(values)))
-    scale = float(np.linalg.norm(data.X_f, 2) / np.sqrt(data.columns))
-    seen = int(np.count_nonzero(values > options.relative_tolerance * scale))
-    if seen < n:
-        verdict = _exact(values, seen, options.unknown_inputs)
+    digits = _digits(data)
+    spread = _spread(data.X_f)
+    data = replace(data, X_p=data.X_p / spread, X_f=data.X_f / spread)
+    tolerance = options.relative_tolerance or _ROUNDING
+    driven = data.X_f if direct is None else np.vstack([data.X_f, direct / _spread(direct)])
+    projection = project(np.vstack([data.U_p, data.X_p, data.U_f]), driven, tolerance)
+    values = projection.values
+    seen = int(np.count_nonzero(values > tolerance))
+    if seen < len(values):
+        certain = options.relative_tolerance is not None
+        verdict = _exact(values, seen, options.unknown_inputs, 0.0 if certain else projection.rounding)
+    elif len(values) > n:
+        verdict = _direct(values)
     elif options.unknown_inputs is not None:
         verdict = _known(values, options.unknown_inputs)
     elif options.noise_std is not None:
-        verdict = _noise_level(data, innovations, np.broadcast_to(np.asarray(options.noise_std, dtype=float), (n,)))
+        noise_std = np.broadcast_to(np.asarray(options.noise_std, dtype=float), (n,)) / spread[:, 0]
+        verdict = _noise_level(data, projection.rest, noise_std)
     else:
-        verdict = _gap(values, _balanced_values(data, innovations))
+        verdict = _gap(values, projection.rounding * digits / float(np.finfo(float).eps))
     unknown_inputs, basis, confidence, reason = verdict
+    spare = data.columns - len(projection.excitation) - (unknown_inputs or 0)
+    if unknown_inputs is not None and spare < (needed := _SPARE if basis is RankBasis.EXACT else _SPARE_NOISY):
+        unknown_inputs, confidence, reason = None, 0.0, _too_few(data.columns, spare, needed)
     return RankDecision(
         unknown_inputs=unknown_inputs,
         basis=basis,
         confidence=confidence,
         innovation_values=values,
-        excitation=excitation,
+        excitation=projection.excitation,
+        rounding=projection.rounding,
         reason=reason,
+    )
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Projection:
+    """What is left of some rows once others are projected away.
+
+    Attributes:
+        rest: (n, N) the innovations.
+        values: (n,) their singular values per sample, largest first.
+        excitation: (k,) singular values per sample of the regressors, rows scaled to unit root mean square.
+        rounding: size that double precision alone gives to innovations that should be zero.
+    """
+
+    rest: NDArray[np.float64]
+    values: NDArray[np.float64]
+    excitation: NDArray[np.float64]
+    rounding: float
+
+
+def project(regressors: NDArray[np.float64], target: NDArray[np.float64], tolerance: float) -> Projection:
+    """Project the regressors (k, N) out of the target (n, N); both keep their rounding, not that of the condition.
+
+    Raises:
+        HistoryError: the regressors follow from one another.
+    """
+    count, columns = regressors.shape
+    sizes = np.max(np.abs(regressors), axis=1, keepdims=True)
+    balanced = regressors / sizes
+    balanced = balanced / np.sqrt(np.mean(balanced**2, axis=1, keepdims=True))
+    excitation = np.linalg.svd(balanced, compute_uv=False)
+    rank = int(np.count_nonzero(excitation > tolerance * excitation[0]))
+    if rank < count:
+        raise HistoryError(
+            f"the history is not exciting: [U_p; X_p; U_f] has rank {rank}, expected {count} (the next singular value "
+            f"is {excitation[min(rank, len(excitation) - 1)] / excitation[0]:.2g} of the largest): "
+            "start from several random states or vary the inputs more"
+        )
+    directions, triangle = np.linalg.qr(balanced.T)
+    along = target @ directions
+    rest = target - along @ directions.T
+    rest = rest - (rest @ directions) @ directions.T  # once more: what the first round left behind by rounding
+    gains = np.linalg.solve(triangle, along.T).T  # target = gains @ balanced + rest
+    moved = np.abs(gains) @ np.max(np.abs(balanced), axis=1) + np.max(np.abs(target), axis=1)
+    rounding = float(np.finfo(float).eps * np.linalg.norm(moved))
+    values = singular_values(rest)
+    return Projection(rest=rest, values=values, excitation=excitation / np.sqrt(columns), rounding=rounding)
+
+
+def singular_values(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n,) singular values per sample of rows (n, N); zeros where there are fewer columns than rows."""
+    values = np.linalg.svd(rows, compute_uv=False) / np.sqrt(rows.shape[1])
+    return np.pad(values, (0, len(rows) - len(values)))
+
+
+def _spread(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n, 1) standard deviations; rows that never move are refused before."""
+    sizes = np.max(np.abs(rows), axis=1, keepdims=True)
+    return np.asarray(sizes * np.std(rows / sizes, axis=1, keepdims=True))
+
+
+def _too_few(columns: int, spare: int, needed: int) -> str:
+    """With as many columns as directions any rank is found."""
+    return (
+        f"{columns} pairs of consecutive samples leave {max(spare, 0)} beyond the directions that they seem to show, "
+        f"expected {needed}: with fewer any number of unknown inputs would be found; record {needed - spare} more"
     )
 
 
 _Verdict = tuple[int | None, RankBasis, float, str]
 
 
-def _row_space(regressors: NDArray[np.float64], tolerance: float) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Orthonormal basis (rows) of the row space of [U_p; X_p; U_f] and its scaled singular values."""
-    count, columns = regressors.shape
-    balanced = regressors / np.sqrt(np.mean(regressors**2, axis=1, keepdims=True))
-    _, values, directions = np.linalg.svd(balanced, full_matrices=False)
-    rank = int(np.count_nonzero(values > tolerance * values[0]))
-    if rank < count:
-        raise HistoryError(
-            f"the history is not exciting: [U_p; X_p; U_f] has rank {rank}, expected {count}: "
-            "start from several random states or vary the inputs more"
-        )
-    return directions, values / np.sqrt(columns)
-
-
-def _exact(values: NDArray[np.float64], seen: int, known: int | None) -> _Verdict:
-    """Data without noise: the rank is what stands above rounding."""
+def _exact(values: NDArray[np.float64], seen: int, known: int | None, rounding: float) -> _Verdict:
+    """Data without noise: the rank is what stands above rounding; rounding 0 when the tolerance is taken as given."""
     gap = np.inf if seen == 0 or values[seen] == 0.0 else values[seen - 1] / values[seen]
-    if known is not None and known != seen:
+    hidden = int(np.count_nonzero(values > _ROUNDED * rounding)) if rounding else seen
+    if known is not None and known != seen and not (seen < known <= hidden):
         fix = "vary all of them" if known > seen else "give the right number"
         reason = f"unknown_inputs is {known}, but exact data show {seen}: not exciting, or another number; {fix}"
         return None, RankBasis.EXACT, 1.0, reason
+    if known is not None and known > seen:
+        gap, seen, hidden = values[known - 1] / max(values[known], rounding) if known < len(values) else 0.0, known, 0
     if gap < _EXACT_GAP:
         return (
             None,
             RankBasis.EXACT,
             0.0,
             (
-                f"ambiguous rank: singular values {values[seen - 1]:.2g} and {values[seen]:.2g} lie on both sides of "
-                "rounding; excite more, or give unknown_inputs"
+                f"ambiguous rank: singular values {values[seen - 1]:.2g} and {values[min(seen, len(values) - 1)]:.2g} "
+                "lie on both sides of rounding; excite more, or give unknown_inputs"
+            ),
+        )
+    if hidden > seen and known is None:
+        return (
+            None,
+            RankBasis.EXACT,
+            0.0,
+            (
+                f"ambiguous rank, borderline: a singular value of {values[seen]:.2g} of the spread lies above the "
+                f"rounding of double precision ({rounding:.1g}): an unknown input that is hardly excited, or samples "
+                "with fewer digits; give unknown_inputs or relative_tolerance, or excite more"
             ),
         )
     return seen, RankBasis.EXACT, 1.0, f"exact data show {seen} unknown inputs"
+
+
+def _direct(values: NDArray[np.float64]) -> _Verdict:
+    """Noise and unknown inputs in one output are told apart in exact data only."""
+    return (
+        None,
+        RankBasis.EXACT,
+        0.0,
+        (
+            f"unknown inputs act on outputs directly (y = C x + D u + G d), and singular values {_listed(values)} "
+            "leave no zero: that takes an exact history; record without noise, or leave these outputs out"
+        ),
+    )
 
 
 def _known(values: NDArray[np.float64], known: int) -> _Verdict:
@@ -190,7 +290,10 @@ def _noise_level(data: DataMatrices, innovations: NDArray[np.float64], noise_std
             None,
             RankBasis.NOISE_LEVEL,
             1.0 - 1.0 / gap,
-            (f"ambiguous rank: a singular value is only {gap:.2g} times the noise; excite more or give unknown_inputs"),
+            (
+                f"ambiguous rank, borderline: a singular value is only {gap:.2g} times the noise; "
+                "excite more or give unknown_inputs"
+            ),
         )
     return (
         seen,
@@ -200,44 +303,33 @@ def _noise_level(data: DataMatrices, innovations: NDArray[np.float64], noise_std
     )
 
 
-def _balanced_values(data: DataMatrices, innovations: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Singular values of the innovations with every state scaled to unit spread."""
-    spread = np.std(data.X_f, axis=1, keepdims=True)
-    return np.asarray(np.linalg.svd(innovations / spread, compute_uv=False) / np.sqrt(data.columns))
+def _digits(data: DataMatrices) -> float:
+    """Relative rounding of the recorded states: that of float32 where every number is one, else of double precision."""
+    for table in (data.X_p, data.X_f):
+        if not np.array_equal(table, table.astype(np.float32)):
+            return float(np.finfo(float).eps)
+    return float(np.finfo(np.float32).eps)
 
 
-def _gap(values: NDArray[np.float64], balanced: NDArray[np.float64]) -> _Verdict:
-    """Nothing is given: one gap must stand out, in SI units and with every state scaled to unit spread alike."""
-    best, confidence = _largest_gap(values)
-    other, other_confidence = _largest_gap(balanced)
-    confidence = min(confidence, other_confidence)
-    if best is None or best != other:
+def _gap(values: NDArray[np.float64], rounding: float) -> _Verdict:
+    """Nothing is given: what lies above rounding must lie far above, and something must lie below.
+
+    Noise of unknown size is never believed: it could be an unknown input that is weakly excited.
+    """
+    seen = int(np.count_nonzero(values > rounding))
+    gap = float(values[seen - 1] / values[seen]) if 0 < seen < len(values) else 0.0
+    if gap < _SEARCHED_GAP:
         return (
             None,
             RankBasis.GAP,
-            0.0 if best != other else confidence,
+            0.0,
             (
-                f"ambiguous rank: no gap of {_SEARCHED_GAP:g} stands out in the singular values {_listed(values)} "
-                "of the innovations; give unknown_inputs or noise_std"
+                f"ambiguous rank: the singular values {_listed(values)} of the innovations may be noise or unknown "
+                "inputs that are weakly excited; give unknown_inputs or noise_std"
             ),
         )
-    return best, RankBasis.GAP, confidence, f"{best} unknown inputs by the singular values {_listed(values)}"
-
-
-def _largest_gap(values: NDArray[np.float64]) -> tuple[int | None, float]:
-    """Index of the largest ratio of neighbouring singular values, None when it does not stand out.
-
-    What lies below it must be flat, as noise is: a second gap there may be a weakly excited unknown input.
-    """
-    if len(values) < 2:  # noqa: PLR2004 - one value has no neighbour
-        return None, 0.0
-    gaps = values[:-1] / values[1:]
-    best = int(np.argmax(gaps))
-    runner_up = float(np.max(np.delete(gaps, best), initial=1.0))
-    confidence = 1.0 - runner_up / float(gaps[best])
-    stands_out = gaps[best] >= max(_SEARCHED_GAP, _RUNNER_UP * runner_up)
-    flat = bool(np.all(gaps[best + 1 :] < _KNOWN_GAP))
-    return (best + 1 if stands_out and flat else None), confidence
+    words = f"{seen} unknown inputs by the singular values {_listed(values)}; below is the rounding of float32"
+    return seen, RankBasis.GAP, 1.0 - 1.0 / gap, words
 
 
 def _listed(values: NDArray[np.float64]) -> str:

@@ -6,10 +6,10 @@ from typing import TYPE_CHECKING
 from warnings import catch_warnings
 
 import numpy as np
-from scipy.linalg import solve_discrete_are
 
 from monitor.acceptor import unobservable
 from monitor.freedom.problem import Refusal
+from monitor.riccati import dual_lqr as regulator
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -20,19 +20,29 @@ if TYPE_CHECKING:
 _DEFAULT_DECAY = 0.5
 _RANK = 1e-9  # relative: a row of N_x below is rounding
 _PLACED = 1e-3  # poles this far from where they should be are not placed
+_EQUAL = 1e-9  # relative: a mode at the decay itself is within it
 _SPREAD = 0.2  # default poles lie in the upper fifth below the decay: distinct, as pole placement needs them
 
 
 def dual_lqr(problem: Problem, options: FreedomOptions) -> NDArray[np.float64] | Refusal:
     """Steer e+ = (W_x0 + Q N_x) e by a linear-quadratic regulator of the dual system, so that every mode <= decay.
 
-    With A = W_x0' / decay and B = N_x' the regulator of weights I, I gives A - B K Schur; Q = -decay K'.
+    On the modes that N_x moves, A = W_x0 / decay and C = N_x: the dual regulator of weights I, I gives A - L C Schur;
+    Q = -decay L.
     """
     decay = _DEFAULT_DECAY if options.decay is None else options.decay
-    refusal = _unreachable(problem.acceptors, decay)
+    acceptors = problem.acceptors
+    refusal = _unreachable(acceptors, decay)
     if refusal is not None:
         return refusal
-    return problem.acceptors.W0 + _regulator(problem.acceptors, decay) @ problem.acceptors.N
+    A, N_x, seen, mixing = _movable(acceptors)
+    L = regulator(A / decay, N_x)
+    if L is None:
+        return Refusal(
+            f"dual_lqr: a decay of {decay:g} is out of reach of double precision here, a mode is hardly seen: "
+            "ask for a decay nearer 1"
+        )
+    return acceptors.W0 - decay * seen @ L @ mixing @ acceptors.N
 
 
 def pole_placement(problem: Problem, options: FreedomOptions) -> NDArray[np.float64] | Refusal:
@@ -49,7 +59,10 @@ def pole_placement(problem: Problem, options: FreedomOptions) -> NDArray[np.floa
         return Refusal(f"{len(poles)} poles are given, expected {movable}: that many eigenvalues of A_UIO can be moved")
     Q = assign(acceptors, poles)
     if Q is None:
-        return Refusal("pole_placement: the eigenvalues cannot be placed accurately here; use dual_lqr")
+        return Refusal(
+            "pole_placement: the eigenvalues cannot be placed accurately here (a mode is hardly seen, or poles coincide"
+            " too often); ask for other poles, or use dual_lqr"
+        )
     return acceptors.W0 + Q @ acceptors.N
 
 
@@ -62,34 +75,33 @@ def assign(acceptors: Acceptors, poles: NDArray[np.float64]) -> NDArray[np.float
     """Q (k, f) that puts the movable eigenvalues of W_x0 + Q N_x at `poles`; None when rounding keeps them away."""
     from scipy.signal import place_poles  # noqa: PLC0415 (slow to import)
 
-    A, mixing, N_x = acceptors.W_x0, *_row_basis(acceptors.N_x)
-    if len(N_x) == len(A):  # every entry of A_UIO is free
-        return np.asarray((np.diag(poles) - A) @ np.linalg.inv(N_x) @ mixing)
-    hidden = unobservable(A, acceptors.N_x)
-    seen = np.linalg.svd(hidden, full_matrices=True)[0][:, hidden.shape[1] :]
-    if not seen.shape[1]:
-        return np.zeros((len(A), len(acceptors.N)))
-    A_seen, N_seen = seen.T @ A @ seen, N_x @ seen
-    with catch_warnings(
-        action="ignore"
-    ):  # of place_poles: robust eigenvectors not fully converged; poles checked below
-        gain = place_poles(A_seen.T, N_seen.T, poles).gain_matrix
-    placed = np.linalg.eigvals(A_seen - gain.T @ N_seen)
+    A, N_x, seen, mixing = _movable(acceptors)
+    if not len(A):
+        return np.zeros((len(acceptors.W0), len(acceptors.N)))
+    if len(N_x) == len(A):  # every entry of what can be moved is free
+        return np.asarray(seen @ (np.diag(poles) - A) @ np.linalg.inv(N_x) @ mixing)
+    try:
+        with catch_warnings(action="ignore"):  # robust eigenvectors not fully converged; the poles are checked below
+            gain = place_poles(A.T, N_x.T, poles).gain_matrix
+    except (ValueError, np.linalg.LinAlgError):  # poles repeated more often than N_x has rows, or rounding
+        return None
+    if not np.isfinite(gain).all():
+        return None
+    placed = np.linalg.eigvals(A - gain.T @ N_x)
     distance = np.abs(placed[:, None] - poles)
     if np.max(distance.min(axis=0)) > _PLACED or np.max(distance.min(axis=1)) > _PLACED:
         return None
     return np.asarray(-seen @ gain.T @ mixing)
 
 
-def _regulator(acceptors: Acceptors, decay: float) -> NDArray[np.float64]:
-    """Q (k, f) of the dual regulator with every mode <= decay."""
+def _movable(
+    acceptors: Acceptors,
+) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
+    """What Q can move: A (s, s) and N_x (r, s) on the basis `seen` (k, s), and `mixing` (r, f) of these rows."""
     mixing, N_x = _row_basis(acceptors.N_x)
-    if not len(N_x):
-        return np.zeros((len(acceptors.W_x0), len(acceptors.N)))
-    A, B = acceptors.W_x0.T / decay, N_x.T
-    X = solve_discrete_are(A, B, np.eye(len(A)), np.eye(len(N_x)))
-    K = np.linalg.solve(np.eye(len(N_x)) + B.T @ X @ B, B.T @ X @ A)
-    return np.asarray(-decay * K.T @ mixing)
+    hidden = unobservable(acceptors.W_x0, acceptors.N_x)
+    seen = np.linalg.svd(hidden, full_matrices=True)[0][:, hidden.shape[1] :]
+    return seen.T @ acceptors.W_x0 @ seen, N_x @ seen, seen, mixing
 
 
 def _row_basis(N_x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -106,7 +118,7 @@ def _unreachable(acceptors: Acceptors, decay: float) -> Refusal | None:
     if not hidden.shape[1]:
         return None
     modes = np.linalg.eigvals(hidden.T @ acceptors.W_x0 @ hidden)
-    slow = modes[np.abs(modes) >= decay]
+    slow = modes[np.abs(modes) > decay * (1.0 + _EQUAL)]
     if not len(slow):
         return None
     listed = ", ".join(f"{mode:.4g}" for mode in slow)

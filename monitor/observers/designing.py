@@ -17,6 +17,7 @@ from monitor.freedom import FreedomOptions, Problem, Refusal, Strategy, choose
 from monitor.history import data_matrices
 from monitor.observers.protocol import Design
 from monitor.observers.trials import try_observer
+from monitor.output_map import Misfit, identify_output_map
 from monitor.proof import Allowance, hold_back, noise, prove, rounding
 from monitor.rank import RankBasis, RankOptions, decide_rank
 from monitor.scaling import norms, spreads
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
 
 _SCHUR = 1.0 - 1e-9  # a spectral radius from here on is no decay
 _ROUNDING = 1e-9  # relative: below it a direction of the regressors carries rounding only
+_LOST = 30.0  # how many times its rounding a subspace may be wrong by
 _NOISE_SAFETY = 3.0  # directions closer than this to the error of the subspace are not told from noise
 _TINY = 1e-300  # keeps 0 / 0 out of a relative misfit
 
@@ -51,7 +53,8 @@ class DesignOptions:
     Attributes:
         unknown_inputs: m_d, when it is known.
         noise_std: standard deviation of the noise on the recorded x, one number or one a state, when it is known.
-        relative_tolerance: what counts as rounding in exact data.
+        relative_tolerance: what counts as rounding in exact data, in shares of the spread; None: 1e-10, and the rank
+            is called ambiguous where something lies between that and double precision.
         method: how the behaviour is found in noisy data (docs/noise.md); on exact data all agree.
         repeated: the experiments repeat one another (same start, same inputs): average them.
         strategy: how the free matrix Q is chosen.
@@ -64,7 +67,7 @@ class DesignOptions:
 
     unknown_inputs: int | None = Field(default=None, ge=0)
     noise_std: tuple[float, ...] | float | None = None
-    relative_tolerance: float = Field(default=1e-10, gt=0.0, lt=1.0)
+    relative_tolerance: float | None = Field(default=None, gt=0.0, lt=1.0)
     method: Method = Method.STRUCTURED
     repeated: bool = False
     strategy: Strategy = Strategy.MINIMUM_NORM
@@ -99,19 +102,22 @@ def design_uio(history: History, options: DesignOptions, shape: Shape) -> Design
         split = hold_back(history)
         units = _units_of(split.seen)
         data = data_matrices(units.spread.scaled(split.seen))
-        decision = decide_rank(data, _rank_options(options, units))
-        draft = replace(draft, data=report_data(history, data, decision))
+        into = units.spread.relative_to(units.norm)
+        comparable = data.in_units(into.u, into.y, into.x)
+        output = identify_output_map(comparable)
+        decision = decide_rank(data, _rank_options(options, units), output.rest(comparable))
+        draft = replace(draft, data=report_data(history, data, decision, output))
         if decision.unknown_inputs is None:
             return _refuse(draft, decision.reason)
         exact = decision.basis is RankBasis.EXACT  # all methods agree, the least costly one will do
-        method = Method.TOTAL_LEAST_SQUARES if exact else options.method
-        into = units.spread.relative_to(units.norm)
-        comparable = data.in_units(into.u, into.y, into.x)
-        behaviour = span(comparable, decision.unknown_inputs, method, _weights(options, units))
+        method = Method.REGRESSION if exact else options.method
+        tolerance = _subspace_error(decision, output.error(data.columns))
+        weights = _weights(options, units)
+        behaviour = span(comparable, decision.unknown_inputs, method, weights, output=output, tolerance=tolerance)
     except HistoryError as error:
         return _refuse(draft, str(error))
     selection = shape.selection(behaviour)
-    acceptors = _solved(behaviour, selection, units, _subspace_error(decision))
+    acceptors = _solved(behaviour, selection, units, tolerance)
     if isinstance(acceptors, str):
         return _refuse(draft, acceptors)
     problem = Problem(acceptors=acceptors, build=lambda W: shape.observer(behaviour, acceptors, W))
@@ -128,7 +134,8 @@ def design_uio(history: History, options: DesignOptions, shape: Shape) -> Design
         state=selection @ units.norm.x,
         units=units,
         split=split,
-        exact=exact,
+        exact=exact and Misfit.NOISE not in output.kinds,
+        rounding=decision.rounding,
     )
     return _checked(draft, options, solution)
 
@@ -154,6 +161,7 @@ class _Solution:
     units: _Units
     split: Split
     exact: bool
+    rounding: float
 
 
 def _units_of(history: History) -> _Units:
@@ -171,7 +179,7 @@ def _solved(behaviour: Behaviour, selection: NDArray[np.float64], units: _Units,
     if len(fixed):
         listed = ", ".join(f"{mode:.4g}" for mode in fixed)
         return f"no stable unknown-input observer exists: (A, E, C) has the unstable zeros {listed}"
-    return solve_of_rank(regress(behaviour, selection), decided.rank)
+    return solve_of_rank(regress(behaviour, selection), decided.rank, tolerance)
 
 
 def _checked(draft: Certificate, options: DesignOptions, solution: _Solution) -> Design:
@@ -208,13 +216,13 @@ def _proved(solution: _Solution, options: DesignOptions, data: DataReport) -> Pr
     unseen = try_observer(observer, units.spread.scaled(split.unseen), split.overlap)
     n, p, rank = observer.states, observer.outputs, data.rank or 0
     gain = float(np.sqrt(np.max(np.diag(noise_covariance(observer, np.eye(p))), initial=0.0)))
-    allowed = rounding(options.relative_tolerance, gain, unseen)
+    allowed = rounding(max(solution.rounding, options.relative_tolerance or 0.0), gain, unseen)
     if not solution.exact:
         seen = try_observer(observer, units.spread.scaled(split.seen), split.overlap)
         stated = None
         if options.noise_std is not None:
             std = units.spread.noise(options.noise_std)
-            C = into.y[:, None] * solution.behaviour.C / into.x
+            C = into.y[:, None] * solution.behaviour.C / into.x  # the noise on x as y shows it
             levels = np.diag(noise_covariance(observer, C @ np.diag(std**2) @ C.T))
             stated = Allowance(error=np.sqrt(levels[:n]) + std, residual=np.sqrt(levels[n:]), basis="that stated")
         allowed = noise(seen, rank, allowed, stated)
@@ -249,13 +257,14 @@ def _weights(options: DesignOptions, units: _Units) -> NDArray[np.float64]:
     return np.asarray(np.min(std) / std)
 
 
-def _subspace_error(decision: RankDecision) -> float:
-    """How far the behaviour may be tilted: rounding, or noise against the weakest unknown input."""
+def _subspace_error(decision: RankDecision, output_error: float) -> float:
+    """How far the behaviour may be tilted: rounding or noise, against the weakest unknown input and excitation."""
     m_d, values = decision.unknown_inputs or 0, decision.innovation_values
-    if decision.basis is RankBasis.EXACT or m_d >= len(values):
-        return _ROUNDING
-    weakest = values[m_d - 1] if m_d else values[0] + 1.0
-    return max(_ROUNDING, min(_NOISE_SAFETY * float(values[m_d] / weakest), 0.1))
+    weakest = float(values[m_d - 1]) if m_d else 1.0
+    rounding = decision.rounding / min(1.0, weakest, float(decision.excitation[-1]))
+    exact = decision.basis is RankBasis.EXACT or m_d >= len(values)
+    noise = 0.0 if exact else float(values[m_d] / (weakest if m_d else values[0] + 1.0))
+    return max(_ROUNDING, _LOST * rounding, min(_NOISE_SAFETY * max(noise, output_error), 0.1))
 
 
 def _kernel_residual(data: DataMatrices, selection: NDArray[np.float64], W: NDArray[np.float64]) -> float:

@@ -8,6 +8,7 @@ import numpy as np
 
 from monitor.observers.designing import DesignOptions, Shape, design_uio
 from monitor.observers.linear_observer import LinearObserver
+from monitor.observers.predicting import predicting_observer
 from monitor.options import parse_options
 
 if TYPE_CHECKING:
@@ -34,19 +35,24 @@ def _selection(behaviour: Behaviour) -> NDArray[np.float64]:
 
 
 def _observer(behaviour: Behaviour, acceptors: Acceptors, W: NDArray[np.float64]) -> LinearObserver:
-    """T (14): A = W_x, D = W_f, B = W_p + W_x W_f; the residual is r = y - C xhat."""
+    """T (14): A = W_x, D = W_f, B = W_p + W_x W_f; the residual is r = y - C xhat - D_y u.
+
+    Where unknown inputs reach y directly that is no residual, and the prediction error of y takes its place.
+    """
     m, p, n = acceptors.regression.widths
+    if len(behaviour.undisturbed) < p:
+        return predicting_observer(behaviour, acceptors, W, list(range(n)), [])
     W_p, A, D = np.split(W, [m + p, m + p + n], axis=1)
     C = behaviour.C
-    pick_y = np.hstack([np.zeros((p, m)), np.eye(p)])
+    static = np.hstack([-behaviour.D, np.eye(p)])  # y - D_y u from v = (u, y)
     return LinearObserver(
         A=A,
         B=W_p + A @ D,
         M=np.eye(n),
         D=D,
         H=-C,
-        J=pick_y - C @ D,
-        Z=np.linalg.pinv(C) @ pick_y - D,
+        J=static - C @ D,
+        Z=np.linalg.pinv(C) @ static - D,
         inputs=m,
         outputs=p,
     )
