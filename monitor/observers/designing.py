@@ -215,7 +215,8 @@ def _proved(solution: _Solution, options: DesignOptions, data: DataReport) -> Pr
     observer = into.observer(solution.observer, np.ones(solution.observer.order))
     unseen = try_observer(observer, units.spread.scaled(split.unseen), split.overlap)
     n, p, rank = observer.states, observer.outputs, data.rank or 0
-    gain = float(np.sqrt(np.max(np.diag(noise_covariance(observer, np.eye(p))), initial=0.0)))
+    answers = float(np.sqrt(np.max(np.diag(noise_covariance(observer, np.eye(p))), initial=0.0)))
+    gain = answers + float(np.linalg.norm(solution.W))
     allowed = rounding(max(solution.rounding, options.relative_tolerance or 0.0), gain, unseen)
     if not solution.exact:
         seen = try_observer(observer, units.spread.scaled(split.seen), split.overlap)
