@@ -11,6 +11,7 @@ from pathlib import Path
 import pyarrow as pa
 from pyarrow import parquet
 
+from bags.orphans import die_with
 from bags.study.cells import Cell
 from bags.study.errors import StudyError
 from bags.study.evaluate import SCHEMA, evaluate
@@ -58,7 +59,8 @@ def _run_all(cells: Sequence[Cell], parts: dict[str, Path], workers: int, done: 
     if not cells:
         return
     context = multiprocessing.get_context("fork")  # everything is imported; nothing here has threads yet
-    with ProcessPoolExecutor(min(workers, len(cells)), mp_context=context, initializer=_ignore_ctrl_c) as pool:
+    count = min(workers, len(cells))
+    with ProcessPoolExecutor(count, mp_context=context, initializer=_begin, initargs=(os.getpid(),)) as pool:
         futures = {pool.submit(_work, cell, parts[cell.key]): cell for cell in cells}
         try:
             for number, future in enumerate(as_completed(futures), start=1):
@@ -92,6 +94,7 @@ def _write(table: pa.Table, path: Path) -> None:
         half.unlink(missing_ok=True)
 
 
-def _ignore_ctrl_c() -> None:
-    """Ctrl-C reaches the whole foreground group: the parent alone decides what it means."""
+def _begin(parent: int) -> None:
+    """Ctrl-C reaches the whole foreground group: the parent alone decides what it means; nobody outlives it."""
+    die_with(parent)
     signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import re
 import signal
+import subprocess
+import sys
 import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -53,18 +55,61 @@ def test_a_killed_node_ends_the_run_and_leaves_a_bag(
     assert shared_memory() <= memory
 
 
-def test_a_stalled_node_is_named(start_run: Callable[..., Any], long_scenario: Path) -> None:
-    """A node that hangs without dying stalls the run: the watchdog names it, and its topic."""
+def test_a_stopped_node_is_named(start_run: Callable[..., Any], long_scenario: Path) -> None:
+    """A node that stands still without dying ends the run, is named, and is gone afterwards."""
     run = start_run(long_scenario)
     run.wait_until_recording()
     nodes = run.nodes()
     nodes["dgu_4"].suspend()
     finished = run.end()
     assert finished.code != 0
-    # it publishes its state, then its output, and may have been stopped between the two
-    assert re.search(r"stalled: step \d+ waits for node dgu_4 \(/dgu_4/(state|output)\)", finished.err), finished.err
+    assert re.search(r"node dgu_4 stands still at step \d+ \(stopped by a signal\)", finished.err), finished.err
     assert read_run(run.bag).steps > 0
     assert_gone(list(nodes.values()))
+
+
+@pytest.mark.parametrize(
+    ("victim", "number", "said"),
+    [
+        ("clock", signal.SIGSTOP, "stands still"),
+        ("recorder", signal.SIGTERM, "ended"),
+        ("monitor_2", signal.SIGKILL, "ended"),
+    ],
+)
+def test_a_node_that_fails_before_step_0_is_named(
+    start_run: Callable[..., Any], long_scenario: Path, victim: str, number: signal.Signals, said: str
+) -> None:
+    """No node is blamed for another one's end, and nobody waits for the start time-out."""
+    run = start_run(long_scenario)
+    while len(run.nodes()) < 15:
+        assert run.process.poll() is None
+    nodes = run.nodes()
+    nodes[victim].send_signal(number)
+    finished = run.end()
+    assert finished.code != 0
+    assert f"node {victim} {said} at step 0" in finished.err
+    assert "Traceback" not in finished.err
+    assert_gone(list(nodes.values()))
+
+
+def test_sigterm_ends_a_run_as_ctrl_c_does(start_run: Callable[..., Any], long_scenario: Path) -> None:
+    """SIGTERM of `dcmg run`: a closed bag, no process left."""
+    run = start_run(long_scenario, "--composed")
+    run.wait_until_recording()
+    nodes = list(run.nodes().values())
+    assert run.end(signal.SIGTERM).code == 130
+    assert read_run(run.bag).steps > 0
+    assert_gone(nodes)
+
+
+def test_too_few_files_for_all_nodes_is_one_line(long_scenario: Path, tmp_path: Path) -> None:
+    """A machine that gives no process or file more: one line, nothing left."""
+    command = [sys.executable, "-m", "dcmg", "run", str(long_scenario), "--no-plots", "--out", str(tmp_path / "run")]
+    limited = ["sh", "-c", 'ulimit -n 24; exec "$@"', "sh", *command]
+    done = subprocess.run(limited, capture_output=True, text=True, timeout=100.0, check=False)
+    assert done.returncode != 0
+    assert "Traceback" not in done.stderr
+    assert [one.pid for one in psutil.process_iter(["cmdline"]) if str(tmp_path) in " ".join(one.cmdline())] == []
 
 
 @pytest.mark.parametrize("options", [(), ("--composed",)])
@@ -82,12 +127,14 @@ def test_ctrl_c_closes_the_bag(start_run: Callable[..., Any], long_scenario: Pat
 
 
 def test_nodes_die_with_a_killed_supervisor(start_run: Callable[..., Any], long_scenario: Path) -> None:
-    """SIGKILL of `dcmg run` itself: its nodes end too, and the recorder still closes the bag."""
+    """SIGKILL of `dcmg run` itself: its nodes end too, stopped ones as well, and the recorder still closes the bag."""
     run = start_run(long_scenario)
     run.wait_until_recording()
-    nodes = list(run.nodes().values())
+    nodes = run.nodes()
+    for name in ("dgu_1", "recorder"):
+        nodes[name].suspend()
     run.process.kill()
-    gone, alive = psutil.wait_procs(nodes, timeout=30.0)
+    gone, alive = psutil.wait_procs(nodes.values(), timeout=30.0)
     assert (len(gone), alive) == (15, [])
     assert read_run(run.bag).steps > 0
 

@@ -1,7 +1,8 @@
 """Free ROS domain ids: runs side by side on one machine must not see each other.
 
-A domain is taken by holding an exclusive lock on its file in the temporary directory. The file says which run holds
-it, and the lock vanishes with the process, however it dies: so the files are also the list of running systems.
+A domain is taken by holding an exclusive lock on its file in a folder of the user's own. The file says which run holds
+it, and the lock vanishes with the process, however it dies: so the files are also the list of running systems. What
+other users run is seen by its UDP ports.
 """
 
 from __future__ import annotations
@@ -10,6 +11,7 @@ import fcntl
 import json
 import os
 import socket
+import stat
 import tempfile
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass
@@ -23,6 +25,7 @@ if TYPE_CHECKING:
 
 # Above 101 the UDP ports of a domain run into Linux's ephemeral range; 0 is everybody's default.
 DOMAINS = range(1, 102)
+_PRIVATE = 0o700
 _PORT_BASE, _PORTS_PER_DOMAIN, _FIRST_UNICAST, _CHECKED_PORTS = 7400, 250, 10, 4
 
 
@@ -53,7 +56,7 @@ def choose_domain(wanted: int | None = None, *, scenario: str = "", out: str = "
         DomainError: the wanted domain, or every domain, is taken.
     """
     for domain in DOMAINS if wanted is None else (wanted,):
-        handle = os.open(_lock_path(domain), os.O_RDWR | os.O_CREAT, 0o666)
+        handle = _open_lock(domain)
         try:
             if not _try_lock(handle) or (wanted is None and not _ports_are_free(domain)):
                 continue
@@ -73,24 +76,57 @@ def running_systems() -> list[RunningSystem]:
     """List the runs on this machine, by domain id."""
     found = []
     for domain in DOMAINS:
-        path = _lock_path(domain)
-        if not path.exists():
+        if not os.path.lexists(_lock_path(domain)):
             continue
-        handle = os.open(path, os.O_RDWR)
+        handle = _open_lock(domain)
         try:
             if not _try_lock(handle):
-                text = os.pread(handle, 65536, 0)
-                if text:
-                    found.append(RunningSystem(**json.loads(text)))
+                found.append(_system_of(os.pread(handle, 65536, 0), domain))
         finally:
             os.close(handle)
     return found
 
 
+def _system_of(text: bytes, domain: int) -> RunningSystem:
+    """What a locked file says; one that says nothing sensible is a run all the same."""
+    try:
+        said = json.loads(text)
+        return RunningSystem(domain=domain, pid=int(said["pid"]), scenario=str(said["scenario"]), out=str(said["out"]))
+    except (ValueError, TypeError, KeyError, RecursionError):
+        return RunningSystem(domain=domain, pid=0, scenario="unknown", out="")
+
+
 def _lock_path(domain: int) -> Path:
-    folder = Path(tempfile.gettempdir()) / "dcmg-domains"
-    folder.mkdir(mode=0o777, exist_ok=True)
-    return folder / f"domain_{domain}.json"
+    return _folder() / f"domain_{domain}.json"
+
+
+def _open_lock(domain: int) -> int:
+    path = _lock_path(domain)
+    try:
+        return os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
+    except OSError as error:
+        raise DomainError(f"{path}: expected a file of our own to lock: {error.strerror}") from error
+
+
+def _folder() -> Path:
+    """The user's own folder for locks; nobody else can have put anything there.
+
+    Raises:
+        DomainError: it is not ours alone.
+    """
+    runtime = os.environ.get("XDG_RUNTIME_DIR", "")
+    trusted = Path(runtime) / "dcmg" if Path(runtime).is_absolute() and Path(runtime).is_dir() else None
+    for folder in (trusted, Path(tempfile.gettempdir()) / f"dcmg-{os.getuid()}"):
+        if folder is None:
+            continue
+        try:
+            folder.mkdir(mode=_PRIVATE, exist_ok=True)
+            found = folder.lstat()
+        except OSError:
+            continue
+        if stat.S_ISDIR(found.st_mode) and found.st_uid == os.getuid() and not found.st_mode & ~_PRIVATE & 0o777:
+            return folder
+    raise DomainError(f"{folder}: expected a folder that is yours alone (owner, mode 0700): remove it or set TMPDIR")
 
 
 def _try_lock(handle: int) -> bool:

@@ -15,16 +15,19 @@ import signal
 import sys
 import time
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import setproctitle
 
-from dcmg_nodes.orphans import die_with
+from bags.orphans import die_with
+from dcmg.errors import CommandError
+from dcmg_bringup.reaper import Reaper
+from dcmg_nodes.wiring import RECORDER_NODE
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from multiprocessing.context import ForkProcess
-    from pathlib import Path
 
     from dcmg_nodes.options import NodeOptions
     from dgu_sim.scenario import Scenario
@@ -33,6 +36,7 @@ _INTERRUPT_GRACE_SEC = 3.0
 _TERMINATE_GRACE_SEC = 1.0
 _POLL_SEC = 0.02
 _EXIT_FAILED = 1
+_STOPPED = "T"
 # what the nodes import, as far as it does not import rclpy
 _PRELOADED = (
     "bags.watch.histories",
@@ -68,6 +72,7 @@ class ProcessGroup:
         log_dir: folder that gets one `<name>.log` each.
 
     Raises:
+        CommandError: the machine gives no process, file or memory more; what was started has been ended.
         RuntimeError: rclpy is imported already, so that forking is not safe.
     """
 
@@ -82,16 +87,30 @@ class ProcessGroup:
         gc.freeze()  # what is there now stays: collecting it again and again would cost, and unshare its memory
         log_dir.mkdir(parents=True, exist_ok=True)
         self._log_dir = log_dir
-        context = multiprocessing.get_context("fork")
         self._processes: dict[str, ForkProcess] = {}
+        self._reaper: Reaper | None = None
+        try:
+            self._start(nodes, scenario, options)
+        except OSError as error:
+            self.stop()
+            started = f"{len(self._processes)} of {len(nodes)} node processes"
+            raise CommandError(f"only {started} could be started: {error.strerror}: see `ulimit -a`") from error
+        except BaseException:
+            self.stop()
+            raise
+
+    def _start(self, nodes: Mapping[str, Sequence[str]], scenario: Scenario, options: NodeOptions) -> None:
+        context = multiprocessing.get_context("fork")
+        self._reaper = reaper = Reaper()
         for name, members in nodes.items():
+            log = self._log_dir / f"{name}.log"
             process = context.Process(
-                target=_node_process,
-                args=(os.getpid(), members, scenario, options, log_dir / f"{name}.log"),
-                name=name,
+                target=_node_process, args=(os.getpid(), reaper, log, members, (scenario, options)), name=name
             )
             process.start()
             self._processes[name] = process
+            if process.pid is not None:
+                reaper.look_after(process.pid)
 
     @property
     def pids(self) -> tuple[int, ...]:
@@ -104,6 +123,14 @@ class ProcessGroup:
             if process.exitcode:
                 return Death(process=name, reason=self._reason(name, process.exitcode))
         return None
+
+    def left(self) -> list[str]:
+        """Return the names of the processes that ended well."""
+        return [name for name, process in self._processes.items() if process.exitcode == 0]
+
+    def stopped(self) -> list[str]:
+        """Return the names of the processes that a signal has stopped (SIGSTOP, SIGTSTP)."""
+        return [name for name, process in self._processes.items() if _state(process.pid) == _STOPPED]
 
     def wait(self, timeout_sec: float) -> bool:
         """Wait for all processes to end by themselves; tell whether they did."""
@@ -124,25 +151,42 @@ class ProcessGroup:
             for process in self._processes.values():
                 if process.exitcode is None and process.pid is not None:
                     os.kill(process.pid, number)
+                    os.kill(process.pid, signal.SIGCONT)  # one that is stopped takes no other signal
             if self.wait(grace_sec):
-                return
+                break
+        if self._reaper is not None:
+            self._reaper.dismiss()
+            self._reaper = None
 
     def _reason(self, name: str, code: int) -> str:
-        text = (self._log_dir / f"{name}.log").read_text(errors="replace").strip()
+        log = self._log_dir / f"{name}.log"
+        text = log.read_text(errors="replace").strip() if log.exists() else ""
         last = f": {text.splitlines()[-1]}" if text else ""
         how = f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
         return f"{how}{last}"
 
 
-def _node_process(parent: int, members: Sequence[str], scenario: Scenario, options: NodeOptions, log: Path) -> None:
+def _state(pid: int | None) -> str:
+    """Return the kernel's letter for what a process does; empty when it is gone."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
+    except (OSError, IndexError):
+        return ""
+
+
+def _node_process(
+    parent: int, reaper: Reaper, log: Path, members: Sequence[str], what: tuple[Scenario, NodeOptions]
+) -> None:
     """Be the node process: own session (Ctrl-C reaches the supervisor alone), own log, own title."""
-    die_with(parent)
+    die_with(parent, signal.SIGINT if RECORDER_NODE in members else signal.SIGKILL)  # a recorder closes its bag
+    reaper.forget()
+    scenario, options = what
     os.setsid()
-    setproctitle.setproctitle(f"dcmg node {' '.join(members)} --out {options.out}")
     handle = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
     null = os.open(os.devnull, os.O_RDONLY)
     for source, target in ((null, 0), (handle, 1), (handle, 2)):
         os.dup2(source, target)
+    setproctitle.setproctitle(f"dcmg node {' '.join(members)} --out {options.out}")
     from dcmg_nodes.main import run_nodes  # noqa: PLC0415 (imports rclpy, which must follow the fork)
 
     failure = run_nodes(members, scenario, options)

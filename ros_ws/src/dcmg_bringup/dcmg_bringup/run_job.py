@@ -14,6 +14,7 @@ from bags.mcap.recording import Recording
 from bags.mcap.repair import repair
 from dcmg_bringup.domain import choose_domain
 from dcmg_bringup.processes import ProcessGroup
+from dcmg_bringup.watchdog import Watchdog
 from dcmg_nodes.options import BAG, NodeOptions, PacingMode
 from dcmg_nodes.wiring import wiring_of
 
@@ -27,6 +28,7 @@ if TYPE_CHECKING:
 
 _SPIN_SEC = 0.05
 _EXIT_GRACE_SEC = 5.0
+_PERIODS = 12  # longer than a recorder waits for a step, however slow the clock
 _ALL = "all"
 
 
@@ -104,7 +106,7 @@ def run_job(scenario: Scenario, out: Path, options: RunOptions, display: Display
         )
         group = ProcessGroup(nodes, scenario, node_options, out / "log")
         try:
-            return _follow(wiring, group, out / BAG, display)
+            return _follow(wiring, group, _silence_sec(scenario, node_options), out / BAG, display)
         finally:
             group.stop()
 
@@ -123,7 +125,13 @@ def ros_environment(domain: int) -> dict[str, str]:
     }
 
 
-def _follow(wiring: Wiring, group: ProcessGroup, bag: Path, display: Display) -> RunOutcome:
+def _silence_sec(scenario: Scenario, options: NodeOptions) -> float:
+    """How long a run may be silent [s]: longer than its clock waits at the start, and its recorder for a step."""
+    waits = max(options.start_timeout_sec, options.stall_timeout_sec)
+    return waits + _PERIODS * scenario.sampling_period_sec / options.rate
+
+
+def _follow(wiring: Wiring, group: ProcessGroup, silence_sec: float, bag: Path, display: Display) -> RunOutcome:
     from dcmg_nodes.view_node import ViewNode  # noqa: PLC0415 (needs the ROS environment of this run)
 
     accusations = {topic.name for topic in (wiring.topics.team.events if wiring.topics.team else ())}
@@ -136,29 +144,30 @@ def _follow(wiring: Wiring, group: ProcessGroup, bag: Path, display: Display) ->
     alarms = [topic.name for topic in wiring.topics.all if topic.type_name == "dcmg_msgs/msg/Alarm"]
     told: list[int] = []
     # KeyboardInterrupt could hit in the middle of rclpy's C++, which makes another error of it
-    before = signal.signal(signal.SIGINT, lambda number, _: told.append(number))
+    signals = (signal.SIGINT, signal.SIGTERM)
+    before = {number: signal.signal(number, lambda number, _: told.append(number)) for number in signals}
     view = ViewNode(alarms, on_alarm)
-    death, stalled = None, False
+    watchdog = Watchdog(group, silence_sec)
+    trouble, stalled = None, False
     try:
-        while not (view.end or death or stalled or told):
+        while not (view.end or trouble or stalled or told):
             view.spin(_SPIN_SEC)
             display.steps(view.progress.steps)
-            death, stalled = group.death(), bool(view.progress.waiting_for)
-            if death is None and group.wait(0.0):
-                break
+            trouble, stalled = watchdog.look(view.progress.steps), bool(view.progress.waiting_for)
         if not told:
             view.close()  # the recorder waits until nobody listens to the end of the run
-        if not (death or stalled or told):
+        if not (trouble or stalled or told):
             group.wait(_EXIT_GRACE_SEC)
     finally:
         group.stop()
         view.close()
-        signal.signal(signal.SIGINT, before)
+        for number, handler in before.items():
+            signal.signal(number, handler)
     steps = _recorded_steps(bag, wiring)
     display.steps(steps)
     failure = None
-    if death is not None:
-        failure = f"node {death.process} ended at step {steps} ({death.reason})"
+    if trouble is not None:
+        failure = trouble.at(steps)
     elif stalled:
         waiting_for, topic = view.progress.waiting_for, view.progress.topic
         failure = f"the run stalled: step {steps} waits for node {waiting_for} ({topic})"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import deque
 from functools import partial
 from typing import TYPE_CHECKING
@@ -14,7 +13,8 @@ from bags.wire.schema import ATTACKER_NODE
 from dcmg_nodes.inbox import Inbox
 from dcmg_nodes.ports import Ports
 from dcmg_nodes.second_publisher import SecondPublishers
-from dgu_sim.errors import AttackError
+from dcmg_nodes.services import offer
+from dgu_sim.attacks.request import parse_parameters
 from dgu_sim.grid import Link
 
 if TYPE_CHECKING:
@@ -48,8 +48,8 @@ class AttackerNode:
         self._events = topics.attack_events()
         node = self.ports.node
         self._services = (
-            node.create_service(StartAttack, START_SERVICE, self._on_start),
-            node.create_service(StopAttack, STOP_SERVICE, self._on_stop),
+            offer(node, StartAttack, START_SERVICE, self._on_start),
+            offer(node, StopAttack, STOP_SERVICE, self._on_stop),
             node.create_service(ListAttacks, LIST_SERVICE, self._on_list),
         )
 
@@ -82,24 +82,17 @@ class AttackerNode:
             self.ports.publish(self._events.topic.name, self._events.encode(event))
 
     def _on_start(self, request: StartAttack.Request, response: StartAttack.Response) -> StartAttack.Response:
-        link = Link(request.source, request.target)
-        try:
-            parameters = json.loads(request.parameters or "{}")
-            self._state, event = self._relay.start(self._state, link, request.kind, parameters, request.duration_sec)
-        except (AttackError, json.JSONDecodeError) as error:
-            response.message = str(error)
-            return response
+        link, parameters = Link(request.source, request.target), parse_parameters(request.parameters)
+        state, event = self._relay.start(self._state, link, request.kind, parameters, request.duration_sec)
         self._announce([event])
+        self._state = state
         response.accepted, response.attack, response.step = True, event.attack, event.step
         return response
 
     def _on_stop(self, request: StopAttack.Request, response: StopAttack.Response) -> StopAttack.Response:
-        try:
-            self._state, events = self._relay.stop(self._state, Link(request.source, request.target))
-        except AttackError as error:
-            response.message = str(error)
-            return response
+        state, events = self._relay.stop(self._state, Link(request.source, request.target))
         self._announce(events)
+        self._state = state
         response.accepted, response.stopped, response.step = True, len(events), self._step
         return response
 

@@ -10,7 +10,7 @@ from dcmg_msgs.msg import Pacing, Progress, Ready
 
 from bags.wire.schema import CLOCK_NODE
 from dcmg_nodes.options import PacingMode
-from dcmg_nodes.ports import CONTROL_QOS, Ports
+from dcmg_nodes.ports import CONTROL_OUT_QOS, CONTROL_QOS, Ports
 from dcmg_nodes.wiring import PACING, PROGRESS, READY, Wiring
 
 if TYPE_CHECKING:
@@ -56,7 +56,7 @@ class ClockNode:
         self._worst_late_sec = 0.0
         self._period_sec = config.period_ns * 1e-9 / config.rate  # of the wall clock
         node = self.ports.node
-        self._pacing = node.create_publisher(Pacing, PACING, CONTROL_QOS)
+        self._pacing = node.create_publisher(Pacing, PACING, CONTROL_OUT_QOS)
         self._ready = node.create_subscription(Ready, READY, self._on_ready, CONTROL_QOS)
         self._progress = node.create_subscription(Progress, PROGRESS, self._on_progress, CONTROL_QOS)
         self._report_timer = node.create_timer(_REPORT_SEC, self._report)

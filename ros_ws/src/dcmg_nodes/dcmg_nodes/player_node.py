@@ -19,6 +19,7 @@ from bags.mcap.qos import LATCHED_QOS, STREAM_QOS
 from bags.runs.playback import CLOCK_TOPIC
 from dcmg_nodes.errors import NodeError
 from dcmg_nodes.ports import message_class
+from dcmg_nodes.services import offer
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Collection
@@ -62,7 +63,7 @@ class PlayerNode:
                 self._create(topic, playback.names[topic.name])
         clock_is_recorded = any(playback.names[name] == CLOCK_TOPIC for name in self._publishers)
         self._clock = None if clock_is_recorded else self.node.create_publisher(Clock, CLOCK_TOPIC, _qos(latched=False))
-        self._service = self.node.create_service(ControlReplay, CONTROL_SERVICE, on_control)
+        self._service = offer(self.node, ControlReplay, CONTROL_SERVICE, on_control)
 
     def publish(self, moment: Moment) -> list[float]:
         """Put the messages of a moment on the wire, in their order; return when each went out [s]."""

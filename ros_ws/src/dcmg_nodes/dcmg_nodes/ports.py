@@ -30,8 +30,14 @@ if TYPE_CHECKING:
 
 MATCH_POLL_SEC = 0.1
 _BYSTANDER_POLL_SEC = 0.2
-CONTROL_QOS = QoSProfile(
+CONTROL_QOS = QoSProfile(  # of readers
     history=HistoryPolicy.KEEP_ALL,
+    reliability=ReliabilityPolicy.RELIABLE,
+    durability=DurabilityPolicy.TRANSIENT_LOCAL,
+)
+CONTROL_OUT_QOS = QoSProfile(  # of publishers: a reader that has stopped reading must not hold them up
+    history=HistoryPolicy.KEEP_LAST,
+    depth=64,
     reliability=ReliabilityPolicy.RELIABLE,
     durability=DurabilityPolicy.TRANSIENT_LOCAL,
 )
@@ -73,8 +79,8 @@ class Ports:
             self._publishers[topic.name] = (publisher, self._remote_readers(topic))
             self._over_dds[topic.name] = self._remote_readers(topic) > 0
             self.counts[topic.name] = 0
-        self._ready = self.node.create_publisher(Ready, READY, CONTROL_QOS)
-        self._done = self.node.create_publisher(NodeDone, DONE, CONTROL_QOS)
+        self._ready = self.node.create_publisher(Ready, READY, CONTROL_OUT_QOS)
+        self._done = self.node.create_publisher(NodeDone, DONE, CONTROL_OUT_QOS)
         if name != RECORDER_NODE:
             self._end = self.node.create_subscription(RunEnd, END, self._on_end, CONTROL_QOS)
         self._prepared: Callable[[], bool] = lambda: True

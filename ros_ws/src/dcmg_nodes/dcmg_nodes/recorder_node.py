@@ -10,7 +10,7 @@ from dcmg_msgs.msg import NodeDone, Progress, RunEnd
 
 from bags.mcap.topic import TopicKind
 from dcmg_nodes.assembler import Arrival, Assembler
-from dcmg_nodes.ports import CONTROL_QOS, Ports
+from dcmg_nodes.ports import CONTROL_OUT_QOS, CONTROL_QOS, Ports
 from dcmg_nodes.second_publisher import SecondPublisherReaders
 from dcmg_nodes.wiring import DONE, END, PROGRESS, RECORDER_NODE
 
@@ -47,8 +47,8 @@ class RecorderNode:
         self._credited = 0
         self._moved_at = self._flushed_at = time.monotonic()
         node = self.ports.node
-        self._progress = node.create_publisher(Progress, PROGRESS, CONTROL_QOS)
-        self._end = node.create_publisher(RunEnd, END, CONTROL_QOS)
+        self._progress = node.create_publisher(Progress, PROGRESS, CONTROL_OUT_QOS)
+        self._end = node.create_publisher(RunEnd, END, CONTROL_OUT_QOS)
         self._node_done = node.create_subscription(NodeDone, DONE, self._on_done, CONTROL_QOS)
         spoofable = {wiring.topics.received(link).topic.name: link for link in wiring.topics.links}
         expect = {}

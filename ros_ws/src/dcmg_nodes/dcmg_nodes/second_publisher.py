@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from dcmg_msgs.msg import SecondPublisher
 
-from dcmg_nodes.ports import CONTROL_QOS
+from dcmg_nodes.ports import CONTROL_OUT_QOS, CONTROL_QOS
 from dcmg_nodes.wiring import SECOND, SECOND_MATCHED
 
 if TYPE_CHECKING:
@@ -43,7 +43,7 @@ class SecondPublishers:
         self._awaited: set[tuple[int, str]] = set()
         self._waiting_for_readers: list[tuple[Topic, SecondPublisher]] = []
         node = ports.node
-        self._question = node.create_publisher(SecondPublisher, SECOND, CONTROL_QOS)
+        self._question = node.create_publisher(SecondPublisher, SECOND, CONTROL_OUT_QOS)
         self._answers = node.create_subscription(SecondPublisher, SECOND_MATCHED, self._on_answer, CONTROL_QOS)
 
     def tell(self, spoofings: Sequence[Spoofing], step: int) -> bool:
@@ -117,7 +117,7 @@ class SecondPublisherReaders:
         self._expect = expect
         self._open: list[tuple[Topic, SecondPublisher]] = []
         node = ports.node
-        self._answer = node.create_publisher(SecondPublisher, SECOND_MATCHED, CONTROL_QOS)
+        self._answer = node.create_publisher(SecondPublisher, SECOND_MATCHED, CONTROL_OUT_QOS)
         self._questions = node.create_subscription(SecondPublisher, SECOND, self._on_question, CONTROL_QOS)
 
     def _on_question(self, question: SecondPublisher) -> None:

@@ -14,7 +14,7 @@ from dcmg_msgs.msg import NodeDone, Ready, RunEnd, SecondPublisher
 from rclpy.task import Future
 
 from bags.mcap.topic import TopicKind
-from dcmg_nodes.ports import CONTROL_QOS, data_qos, message_class
+from dcmg_nodes.ports import CONTROL_OUT_QOS, CONTROL_QOS, data_qos, message_class
 from dcmg_nodes.wiring import DONE, END, READY, SECOND, SECOND_MATCHED
 
 if TYPE_CHECKING:
@@ -78,11 +78,11 @@ class StandIn:
         ]
         self._readers = {link: set(wiring.readers(wiring.topics.received(link).topic)) & set(live) for link in doubled}
         self._unanswered: set[tuple[int, str]] = set()
-        self._question = node.create_publisher(SecondPublisher, SECOND, CONTROL_QOS)
+        self._question = node.create_publisher(SecondPublisher, SECOND, CONTROL_OUT_QOS)
         self._answers = node.create_subscription(SecondPublisher, SECOND_MATCHED, self._on_answer, CONTROL_QOS)
         self._ready = node.create_subscription(Ready, READY, self._on_ready, CONTROL_QOS)
         self._done = node.create_subscription(NodeDone, DONE, lambda _message: None, CONTROL_QOS)
-        self._end = node.create_publisher(RunEnd, END, CONTROL_QOS)
+        self._end = node.create_publisher(RunEnd, END, CONTROL_OUT_QOS)
 
     @property
     def not_ready(self) -> tuple[str, ...]:
