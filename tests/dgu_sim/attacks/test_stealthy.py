@@ -36,7 +36,9 @@ def _residuals(scenario: Scenario, block: Block, source: int, target: int) -> ND
     experiments = [
         Experiment(np.zeros((len(y), 0)), y, y) for y in ScenarioKnowledge(scenario=scenario).history(source, 1)
     ]
-    observer = design("full_order", History(tuple(experiments), scenario.sampling_period_sec), {}).observer
+    observer = design(
+        "full_order", History(tuple(experiments), scenario.sampling_period_sec, comparable=True), {}
+    ).observer
     assert observer is not None
     received = block.received[:, 0, scenario.links.index(Link(source, target))].tolist()
     state = observer.init((), received[0])
