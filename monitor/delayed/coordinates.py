@@ -94,15 +94,15 @@ def represent_behaviour(data: DataMatrices, behaviour: Behaviour) -> Model:
     )
 
 
-def with_attacks(model: Model, attacked: tuple[int, ...], bound: float) -> Model:
+def with_attacks(model: Model, attacked: tuple[int, ...], bound: NDArray[np.float64] | float) -> Model:
     """Append a bounded falsification of some outputs to the unknown inputs: B gets zeros, D picks the channels.
 
     Args:
         model: the plant.
         attacked: positions in y.
-        bound: size [units of y] of an attack that counts as |w| = 1.
+        bound: size [units of y] of an attack that counts as |w| = 1, one number or one an output.
     """
-    picked = bound * np.eye(len(model.C))[:, list(attacked)]
+    picked = np.diag(np.broadcast_to(bound, len(model.C)))[:, list(attacked)]
     return Model(
         A=model.A,
         B=np.hstack([model.B, np.zeros((len(model.A), len(attacked)))]),

@@ -8,7 +8,7 @@ unknown input in the coordinates of `coordinates`: |w'| = 1 is the largest unkno
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -18,11 +18,15 @@ from pydantic.dataclasses import dataclass as checked_dataclass
 from monitor.behaviour import identify_output
 from monitor.data_report import report_data
 from monitor.delayed.coordinates import represent, represent_behaviour, with_attacks
-from monitor.delayed.designing import DelayedOptions, Goal, design_for, refuse
-from monitor.errors import HistoryError
+from monitor.delayed.designing import DelayedOptions, Goal, Units, design_for, refuse
+from monitor.delayed.proving import Claim, prove_delayed
+from monitor.delayed.units import in_units
+from monitor.errors import HistoryError, MonitorError
 from monitor.history import data_matrices
 from monitor.options import parse_options
+from monitor.proof import hold_back
 from monitor.rank import RankBasis, RankOptions, decide_rank
+from monitor.scaling import norms, spreads
 from monitor.subspace import Method, span
 
 if TYPE_CHECKING:
@@ -30,12 +34,18 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from monitor.certificate import DataReport
     from monitor.delayed.model import Model
     from monitor.delayed.report import DelayedDesign
     from monitor.history import DataMatrices, History
     from monitor.rank import RankDecision
+    from monitor.scaling import Scaling
 
 KIND = "delayed"
+_ROUNDING = 1e-9  # relative: below it a direction carries rounding only
+_NOISE_SAFETY = 3.0  # directions closer than this to the error of the model are not told from noise
+_COARSE = 0.1
+_TINY = 1e-300  # keeps 0 / 0 out
 
 
 @checked_dataclass(frozen=True, slots=True, kw_only=True, config=ConfigDict(extra="forbid"))
@@ -71,50 +81,149 @@ def design(history: History, options: Mapping[str, object]) -> DelayedDesign:
 def design_chosen(history: History, chosen: HistoryOptions) -> DelayedDesign:
     """Design with options that are checked already."""
     try:
-        data = data_matrices(history)
-        C = identify_output(data)
-        decision = decide_rank(
-            data,
-            RankOptions(
-                unknown_inputs=chosen.unknown_inputs,
-                noise_std=chosen.noise_std,
-                relative_tolerance=chosen.relative_tolerance,
-            ),
-        )
+        found = _look(history, chosen)
     except HistoryError as error:
         return refuse(KIND, str(error))
-    report = report_data(history, data, decision)
-    if decision.unknown_inputs is None:
-        return refuse(KIND, decision.reason, report)
-    if not all(0 <= channel < len(C) for channel in chosen.attacked):
-        return refuse(KIND, f"attacked is {chosen.attacked}, expected positions 0 to {len(C) - 1}", report)
+    if found.decision.unknown_inputs is None:
+        return refuse(KIND, found.decision.reason, found.report)
+    if not all(0 <= channel < len(found.C) for channel in chosen.attacked):
+        reason = f"attacked is {chosen.attacked}, expected positions 0 to {len(found.C) - 1}"
+        return refuse(KIND, reason, found.report)
     if chosen.goal is not Goal.BOUNDED:
-        exact = _exact(history, chosen, data, decision)
+        exact = _proved(_exact(found, chosen), found)
         if exact.accepted or chosen.goal is Goal.EXACT:
-            return replace(exact, certificate=replace(exact.certificate, data=report))
-    found = represent(data, C, decision.unknown_inputs)
-    model = with_attacks(found.model, chosen.attacked, chosen.attack_bound)
-    unit = "the largest unknown input of the history, from its mean"
-    bounded = replace(chosen, goal=Goal.BOUNDED)
-    made = design_for(KIND, model, bounded, history.sampling_period_sec, unit=unit, data=report, constant=True)
-    return _with_fit(made, data, found.model, np.vstack([np.ones((1, data.columns)), data.U_p]))
+            return replace(exact, certificate=replace(exact.certificate, data=found.report))
+    return _proved(_bounded(found, chosen), found)
 
 
-def _exact(history: History, chosen: HistoryOptions, data: DataMatrices, decision: RankDecision) -> DelayedDesign:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Found:
+    """What the seen part of a history shows, in the units in which norms are taken."""
+
+    data: DataMatrices
+    C: NDArray[np.float64]
+    decision: RankDecision
+    report: DataReport
+    norm: Scaling
+    weights: NDArray[np.float64]
+    claim: Claim
+    sampling_period_sec: float
+
+    @property
+    def units(self) -> Units:
+        """For the design from the model."""
+        Y, X = (np.hstack(pair) for pair in ((self.data.Y_p, self.data.Y_f), (self.data.X_p, self.data.X_f)))
+        moved = np.linalg.norm(Y - np.mean(Y, axis=1, keepdims=True), axis=1)
+        on_outputs = float(np.max(np.linalg.norm(Y - self.C @ X, axis=1) / np.maximum(moved, _TINY), initial=0.0))
+        tolerance = min(max(_model_error(self.decision), _NOISE_SAFETY * on_outputs), _COARSE)
+        return Units(x=self.norm.x, y=self.norm.y, tolerance=tolerance)
+
+
+def _look(history: History, chosen: HistoryOptions) -> _Found:
+    """Scale, hold back, and decide on the number of unknown inputs.
+
+    Raises:
+        HistoryError: the history does not allow a design.
+    """
+    n, std = history.states, chosen.noise_std
+    if isinstance(std, tuple) and len(std) != n:
+        raise HistoryError(f"noise_std has {len(std)} entries, expected 1 or {n}")
+    split = hold_back(history, max(chosen.delay, 1))
+    spread = spreads(split.seen)
+    norm = norms(split.seen, spread)
+    data = data_matrices(spread.scaled(split.seen))
+    options = RankOptions(
+        unknown_inputs=chosen.unknown_inputs,
+        noise_std=None if std is None else tuple(spread.noise(std).tolist()),
+        relative_tolerance=chosen.relative_tolerance,
+    )
+    decision = decide_rank(data, options)
+    report = report_data(history, data, decision)
+    into = spread.relative_to(norm)
+    data = data.in_units(into.u, into.y, into.x)
+    noise = np.ones(n) if std is None else norm.noise(std)
+    return _Found(
+        data=data,
+        C=identify_output(data),
+        decision=decision,
+        report=report,
+        norm=norm,
+        weights=np.asarray(np.min(noise) / noise),
+        claim=Claim(
+            split=split,
+            spread=spread,
+            exact=decision.basis is RankBasis.EXACT,
+            unknowns=report.rank or 0,
+            spare_columns=data.columns - (report.rank or 0),
+            tolerance=chosen.relative_tolerance,
+        ),
+        sampling_period_sec=history.sampling_period_sec,
+    )
+
+
+def _model_error(decision: RankDecision) -> float:
+    """How far directions may be tilted: rounding, or noise against the weakest unknown input."""
+    m_d, values = decision.unknown_inputs or 0, decision.innovation_values
+    if decision.basis is RankBasis.EXACT or m_d >= len(values):
+        return _ROUNDING
+    weakest = float(values[m_d - 1]) if m_d else 1.0
+    return max(_ROUNDING, _NOISE_SAFETY * float(values[m_d]) / weakest)
+
+
+def _exact(found: _Found, chosen: HistoryOptions) -> DelayedDesign:
     """Cancel the unknown inputs altogether, on the trajectories that are left of a noisy history."""
-    n = history.states
-    noise_std = np.broadcast_to(np.asarray(1.0 if chosen.noise_std is None else chosen.noise_std), (n,))
-    exact_data = decision.basis is RankBasis.EXACT  # all methods agree, the least costly one will do
+    exact_data = found.claim.exact  # all methods agree, the least costly one will do
     method = Method.TOTAL_LEAST_SQUARES if exact_data else chosen.method
     try:
-        behaviour = span(data, decision.unknown_inputs or 0, method, np.asarray(noise_std.min() / noise_std))
-    except HistoryError as error:
-        return refuse(KIND, str(error))
-    plant = represent_behaviour(data, behaviour)
-    model = with_attacks(plant, chosen.attacked, chosen.attack_bound)
-    unit = "the largest unknown input of the history"
-    goal = replace(chosen, goal=Goal.EXACT)
-    return _with_fit(design_for(KIND, model, goal, history.sampling_period_sec, unit=unit), data, plant, data.U_p)
+        behaviour = span(found.data, found.decision.unknown_inputs or 0, method, found.weights)
+        plant = represent_behaviour(found.data, behaviour)
+        model = with_attacks(plant, chosen.attacked, chosen.attack_bound / found.norm.y)
+    except (HistoryError, MonitorError) as error:
+        return refuse(KIND, str(error), found.report)
+    made = design_for(
+        KIND,
+        model,
+        replace(chosen, goal=Goal.EXACT),
+        found.sampling_period_sec,
+        unit="the largest unknown input of the history",
+        data=found.report,
+        units=found.units,
+    )
+    return _with_fit(made, found.data, plant, found.data.U_p)
+
+
+def _bounded(found: _Found, chosen: HistoryOptions) -> DelayedDesign:
+    """Bound what the unknown inputs do, as deviations from the operating point of the history."""
+    data = found.data
+    try:
+        plant = represent(data, found.C, found.decision.unknown_inputs or 0).model
+        model = with_attacks(plant, chosen.attacked, chosen.attack_bound / found.norm.y)
+    except MonitorError as error:
+        return refuse(KIND, str(error), found.report)
+    made = design_for(
+        KIND,
+        model,
+        replace(chosen, goal=Goal.BOUNDED),
+        found.sampling_period_sec,
+        unit="the largest unknown input of the history, from its mean",
+        data=found.report,
+        constant=True,
+        units=found.units,
+    )
+    return _with_fit(made, data, plant, np.vstack([np.ones((1, data.columns)), data.U_p]))
+
+
+def _proved(made: DelayedDesign, found: _Found) -> DelayedDesign:
+    """Back into the user's units, and over the samples that were held back."""
+    if made.observer is None:
+        return made
+    final = in_units(made, found.norm)
+    proof = prove_delayed(final, found.claim)
+    if not proof.holds:
+        refused = refuse(KIND, proof.refusal(), found.report)
+        return replace(refused, certificate=replace(refused.certificate, proof=proof))
+    certificate = replace(final.certificate, proof=proof, verdict=f"{final.verdict}; {proof.words()}")
+    return replace(final, certificate=certificate)
 
 
 def _with_fit(made: DelayedDesign, data: DataMatrices, model: Model, known: NDArray[np.float64]) -> DelayedDesign:

@@ -97,10 +97,18 @@ class _Gains:
         return None if F is None else np.asarray(self.L0 + F @ self.N, dtype=np.float64)
 
 
-def decouple(model: Model, window: Window) -> Decoupling:
-    """Decide on exact decoupling and design it by a dual LQR (weights I, I) on (A - Phi Gamma^+ Theta, N Theta)."""
+def decouple(model: Model, window: Window, tolerance: float = _RANK) -> Decoupling:
+    """Decide on exact decoupling and design it by a dual LQR (weights I, I) on (A - Phi Gamma^+ Theta, N Theta).
+
+    Args:
+        model: the plant, in units in which signals are of like size; that of the unknown inputs does not matter.
+        window: its outputs over delta + 1 samples.
+        tolerance: how far the model may be off, relative: a smaller singular value is not told from zero.
+    """
+    model = _normalised(model)
+    window = window_of(model, window.delay)
     needed, delay = model.B.shape[1], window.delay
-    ranks, doubt = _ranks(model, max(delay, len(model.A)))
+    ranks, doubt = _ranks(model, max(delay, len(model.A)), tolerance)
     gains = np.diff([0, *ranks])
     enough = len(gains) - 1 if gains[-1] >= needed else None
     if enough is None or enough > delay:
@@ -125,6 +133,13 @@ def decouple(model: Model, window: Window) -> Decoupling:
     return found
 
 
+def _normalised(model: Model) -> Model:
+    """Unknown inputs in units in which each acts with norm 1."""
+    size = np.linalg.norm(model.G, axis=0)
+    size = np.where(size > 0.0, size, 1.0)
+    return replace(model, B=model.B / size, D=model.D / size)
+
+
 def _gains(model: Model, window: Window, rank: int) -> _Gains:
     left, values, right = np.linalg.svd(window.Gamma)
     L0 = (window.Phi @ right[:rank].T / values[:rank]) @ left[:, :rank].T
@@ -132,14 +147,14 @@ def _gains(model: Model, window: Window, rank: int) -> _Gains:
     return _Gains(L0=L0, error=model.A - L0 @ window.Theta, N=N, seen=N @ window.Theta)
 
 
-def _ranks(model: Model, longest: int) -> tuple[list[int], str]:
+def _ranks(model: Model, longest: int, tolerance: float) -> tuple[list[int], str]:
     """Rank of Gamma_0, Gamma_1, … up to the first that suffices, and a word when one of them is in doubt."""
     ranks, doubt = [0], ""
     for delay in range(longest + 1):
         values = np.linalg.svd(window_of(model, delay).Gamma, compute_uv=False)
         share = values / max(float(np.max(values, initial=0.0)), _ROUNDING)
-        ranks.append(int(np.count_nonzero(share > _RANK)))
-        weak = share[(share > _ROUNDING) & (share < _AMBIGUOUS)]
+        ranks.append(int(np.count_nonzero(share > tolerance)))
+        weak = share[(share > _ROUNDING) & (share < max(_AMBIGUOUS, 10.0 * tolerance))]
         if len(weak) and not doubt:
             doubt = f"a singular value of Gamma_{delay} is {weak[0]:.1g} of the largest"
         if ranks[-1] - ranks[-2] >= model.B.shape[1]:

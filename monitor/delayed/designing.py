@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from enum import Enum
 from typing import TYPE_CHECKING
 
@@ -48,7 +48,8 @@ class DelayedOptions:
     Attributes:
         delay: delta in steps.
         goal: `exact` decouples or refuses, `bounded` minimises C's bound, `best` decouples where it can.
-        weights: diagonal of the performance matrix H, one number a state; all 1 unless given.
+        weights: diagonal of the performance matrix H, one number a state in units of 1 / x; unless given all 1 where
+            units are comparable (a model, V and A of a DGU), else 1 / spread of each state.
         threshold: the residual threshold that the certificate's smallest bias refers to.
     """
 
@@ -56,6 +57,21 @@ class DelayedOptions:
     goal: Goal = Goal.BEST
     weights: tuple[float, ...] | None = None
     threshold: float = Field(default=1e-3, gt=0.0)
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Units:
+    """Units of a model that comes from data, and how sure it is.
+
+    Attributes:
+        x: (n,) scale of the states in the user's units.
+        y: (p,) of the outputs.
+        tolerance: how far the model may be off, relative.
+    """
+
+    x: NDArray[np.float64]
+    y: NDArray[np.float64]
+    tolerance: float = 1e-9
 
 
 def design_for(
@@ -67,6 +83,7 @@ def design_for(
     unit: str,
     data: DataReport | None = None,
     constant: bool = False,
+    units: Units | None = None,
 ) -> DelayedDesign:
     """Choose the gain, put it into running form and measure what it guarantees.
 
@@ -78,12 +95,15 @@ def design_for(
         unit: what |w_k| = 1 means in this model.
         data: what the history showed, when the model comes from one.
         constant: the first known input of the model is the constant 1.
+        units: those of the model, when they are not the user's; the residual report is in the user's.
     """
+    n, p = len(model.A), len(model.C)
+    units = units or Units(x=np.ones(n), y=np.ones(p))
     window = window_of(model, options.delay)
-    H = np.eye(len(model.A)) if options.weights is None else np.diag(options.weights)
-    if H.shape != model.A.shape:
-        return refuse(kind, f"{len(H)} weights for {len(model.A)} states, expected one each", data)
-    decoupling = decouple(model, window)
+    if options.weights is not None and len(options.weights) != n:
+        return refuse(kind, f"{len(options.weights)} weights for {n} states, expected one each", data)
+    H = np.eye(n) if options.weights is None else np.diag(np.array(options.weights) * units.x)
+    decoupling = decouple(model, window, units.tolerance)
     L, reason = _gain(model, window, H, options.goal, decoupling)
     if L is None:
         return refuse(kind, reason, data)
@@ -91,24 +111,25 @@ def design_for(
     dynamics = measure_dynamics(model.A - L @ window.Theta, "dual_lqr" if exact else "lmi", 0.0, sampling_period_sec)
     if dynamics.spectral_radius >= _SCHUR:
         return refuse(kind, f"no stable gain is found: spectral radius {dynamics.spectral_radius:.4g}", data)
-    R = residual_rows(window, len(model.C), decoupling.N if exact else None)
+    R = residual_rows(window, p, decoupling.N if exact else None)
     observer = realise(model, window, L, R)
-    residual = measure_residual(observer, np.full(len(model.C), options.threshold))
+    residual = measure_residual(observer, np.full(p, options.threshold), units.y)
     guarantee = _guarantee(model, window, L, H, exact=exact)
-    moved = np.zeros(len(model.C)) if exact else moved_by_inputs(model, window, L, R)
+    moved = np.zeros(p) if exact else moved_by_inputs(model, window, L, R)
     guarantee = replace(
         guarantee,
         decay=dynamics.spectral_radius,
         gained_rank=decoupling.gained_rank,
         needed_rank=decoupling.needed_rank,
         residual_bound=moved,
-        certain_bias=smallest_crossing(residual.peak_gain, 2.0 * moved),
+        certain_bias=smallest_crossing(residual.peak_gain * units.y / units.y[:, None], 2.0 * moved),
         unit=unit,
     )
+    doubt = f"; borderline: {decoupling.doubt}" if exact and decoupling.doubt else ""
     certificate = Certificate(
         kind=kind,
         accepted=True,
-        verdict=f"{_verdict(guarantee, dynamics.convergence_steps)}; {_sees(guarantee, residual)}",
+        verdict=f"{_verdict(guarantee, dynamics.convergence_steps)}; {_sees(guarantee, residual, units.y)}{doubt}",
         data=data,
         dynamics=dynamics,
         residual=residual,
@@ -177,15 +198,14 @@ def _reach(errors: ErrorResponse) -> float:
     return max(errors.worst(direction)[0] for direction in directions)
 
 
-def _sees(guarantee: Guarantee, residual: ResidualReport) -> str:
+def _sees(guarantee: Guarantee, residual: ResidualReport, y: NDArray[np.float64]) -> str:
     """What the residual shows; when unknown inputs move it too, only what they cannot hide counts."""
     moved, certain = guarantee.residual_bound, guarantee.certain_bias
     if guarantee.exact or residual.blind or moved is None or certain is None:
         return sees(residual)
-    biases = ", ".join(f"{bias:.3g}" for bias in certain)
-    return (
-        f"unknown inputs alone move the residual up to {np.max(moved):.3g}, biases below {biases} may hide behind them"
-    )
+    biases = ", ".join(f"{bias:.3g}" for bias in certain * y)
+    alone = f"unknown inputs alone move the residual up to {np.max(moved * y):.3g}"
+    return f"{alone}, biases below {biases} may hide behind them"
 
 
 def _verdict(guarantee: Guarantee, steps: int | None) -> str:

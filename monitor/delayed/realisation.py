@@ -102,6 +102,14 @@ class ConstantInput:
         return self.inner.step(state, (1.0, *u), y)
 
 
+def linear_part(observer: LinearObserver | ConstantInput) -> LinearObserver:
+    """The linear observer itself, or the one behind the constant input."""
+    if isinstance(observer, LinearObserver):
+        return observer
+    assert isinstance(observer.inner, LinearObserver)  # noqa: S101 - designs are made of single observers
+    return observer.inner
+
+
 def _dynamics(model: Model, window: Window, L: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """A and B of s = [xhat_k; v_k; …; v_k+delta-1], v = (u, y)."""
     n, m, delay = len(model.A), model.B_u.shape[1], window.delay
