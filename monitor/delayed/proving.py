@@ -23,6 +23,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
+    from monitor.certificate import Guarantee
     from monitor.delayed.report import DelayedDesign
     from monitor.history import Experiment, History
     from monitor.observers.linear_observer import LinearObserver
@@ -85,6 +86,61 @@ def prove_delayed(made: DelayedDesign, claim: Claim) -> Proof:
     basis = "the guaranteed bounds for unknown inputs of this size"
     bounded = Allowance(error=error / spread.x + slack, residual=residual / spread.y + slack, basis=basis)
     return prove(unseen, bounded, scales, spare_columns=claim.spare_columns)
+
+
+def prove_inputs(
+    observer: LinearObserver | ConstantInput,
+    guarantee: Guarantee,
+    claim: Claim,
+    around: tuple[NDArray[np.float64], NDArray[np.float64]] | None,
+) -> Proof:
+    """Hold reconstructed inputs [d; phi] against the d that was recorded; phi is 0 there.
+
+    Args:
+        observer: in the user's units.
+        guarantee: of the design.
+        claim: what it was made from.
+        around: mean of d and how much of [d; phi] counts as |w| = 1, for a bounded design; None for an exact one.
+    """
+    spread, inner = claim.spread, linear_part(observer)
+    extra = inner.states - len(spread.d)
+    scale = np.concatenate([spread.d, np.ones(extra)])
+    seen, unseen = (
+        _tried_inputs(observer, one, scale, guarantee.delay) for one in (claim.split.seen, claim.split.unseen)
+    )
+    covariance = noise_covariance(inner, np.diag(spread.y**2))[: len(scale), : len(scale)]
+    gain = float(np.sqrt(np.max(np.diag(covariance) / scale**2, initial=0.0)))
+    if around is None:
+        allowed = claim.allowed(seen, unseen, gain)
+        allowed = replace(allowed, error=np.minimum(allowed.error, _WORTHLESS))
+    else:
+        mean, reach = around
+        deviations = [(one.d - mean) / reach[: len(mean)] for one in stretches(claim.split.unseen)]
+        largest = max((float(np.max(np.linalg.norm(one, axis=1), initial=0.0)) for one in deviations), default=0.0)
+        slack = float(np.max(rounding(claim.tolerance, gain, unseen).error))
+        allowed = Allowance(
+            error=guarantee.input_bound * largest * reach / scale + slack,
+            residual=0.0,
+            basis="the guaranteed bound for inputs of this size",
+        )
+    return prove(unseen, allowed, (scale, np.zeros(0)), spare_columns=claim.spare_columns, estimate="inputs")
+
+
+def _tried_inputs(
+    observer: LinearObserver | ConstantInput, history: History, scale: NDArray[np.float64], delay: int
+) -> list[Trial]:
+    """Errors of the reconstructed inputs from the first that the recorded state and the samples so far allow."""
+    trials = []
+    for one in stretches(history):
+        if len(one.y) <= delay + 1 or not np.isfinite(one.d).all():
+            continue
+        inner, v = samples_of(observer, one)
+        start = np.concatenate([one.x[0], v[:delay].ravel()])
+        estimate, _ = run_linear(inner, v[delay:], start)
+        truth = np.hstack([one.d[: len(estimate)], np.zeros((len(estimate), inner.states - one.d.shape[1]))])
+        size = float(np.max(np.abs(one.d) / scale[: one.d.shape[1]], initial=1.0))
+        trials.append(Trial(error=(estimate - truth) / scale, residual=np.zeros((len(estimate), 0)), size=size))
+    return trials
 
 
 def samples_of(observer: LinearObserver | ConstantInput, one: Experiment) -> tuple[LinearObserver, NDArray[np.float64]]:

@@ -10,7 +10,7 @@ import numpy as np
 from monitor.delayed.known_inputs import KIND, KnownInputOptions, design_known
 from monitor.delayed.realisation import ConstantInput
 from monitor.input_estimators.linear_estimator import LinearInputEstimator
-from monitor.input_estimators.protocol import EstimatorDesign
+from monitor.input_estimators.protocol import EstimatorDesign, figures
 from monitor.observers.linear_observer import LinearObserver
 from monitor.options import parse_options
 
@@ -31,7 +31,7 @@ def design(history: History, options: Mapping[str, object]) -> EstimatorDesign:
     """
     found = design_known(history, parse_options(KnownInputOptions, options, KIND))
     made, count = found.design, history.experiments[0].d.shape[1]
-    if found.observer is None or made.guarantee is None:
+    if found.observer is None or made.guarantee is None or found.proof is None:
         return EstimatorDesign(kind=KIND, estimator=None, verdict=made.verdict)
     guarantee = made.guarantee
     bound = guarantee.input_bound * found.reach[:count]
@@ -40,13 +40,14 @@ def design(history: History, options: Mapping[str, object]) -> EstimatorDesign:
     return EstimatorDesign(
         kind=KIND,
         estimator=LinearInputEstimator(realisation=_first(found.observer, count), lag=guarantee.delay),
-        verdict=f"accepted: {late}; {promise}",
+        verdict=f"accepted: {late}; {promise}; {found.proof.words()}",
         numbers={
             "misfit": found.misfit,
             "exact": guarantee.exact,
             "input_bound": bound.tolist(),
             "reach": found.reach.tolist(),
             "noise_gain": np.sqrt(np.diag(found.noise_gain)).tolist(),
+            "proof": figures(found.proof),
         },
     )
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import field
+from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,10 +12,15 @@ from pydantic.dataclasses import dataclass as checked_dataclass
 from monitor import observers
 from monitor.errors import HistoryError
 from monitor.input_estimators.linear_estimator import LinearInputEstimator
-from monitor.input_estimators.protocol import EstimatorDesign
+from monitor.input_estimators.protocol import EstimatorDesign, figures
 from monitor.observers.linear_observer import LinearObserver
+from monitor.observers.trials import right_start, run_linear
 from monitor.options import parse_options
+from monitor.proof import Trial, hold_back, prove, rounding, stretches
+from monitor.proof import noise as noise_of
 from monitor.regression import regress_states
+from monitor.scaling import norms, spreads
+from monitor.sight import noise_covariance
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -23,8 +28,16 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from monitor.history import History
+    from monitor.proof import Proof, Split
+    from monitor.regression import Fit
+    from monitor.scaling import Scaling
 
 KIND = "one_step"
+_EXACT = 1e-9  # relative: a history that misses the plant by less carries rounding only
+_ROUNDING = 1e-10  # relative rounding of exact samples
+_SHORTEST = 3  # samples of a stretch that can be judged
+_WORTHLESS = 1.0  # spreads: an estimate with a larger error is no better than the mean of the history
+_TINY = 1e-300  # keeps 0 / 0 out
 _DEPENDENT = 1e-8  # relative: columns of E closer than this to one another are the same
 
 
@@ -55,29 +68,70 @@ def design(history: History, options: Mapping[str, object]) -> EstimatorDesign:
     if history.inputs:
         raise HistoryError(f"{history.inputs} known inputs, expected none: a link carries none")
     n, m_d = history.states, history.experiments[0].d.shape[1]
+    split = hold_back(history)
+    spread = spreads(split.seen)
+    norm = norms(split.seen, spread)
+    seen, into = norm.scaled(split.seen), spread.relative_to(norm)
     names = [*(f"x[{row}]" for row in range(n)), *(f"d[{row}]" for row in range(m_d))]
-    fit = regress_states(history, [(one.d,) for one in history.experiments], names)
+    fit = regress_states(seen, [(one.d,) for one in seen.experiments], names)
     A, E = fit.Theta[:, :n], fit.Theta[:, n:]
-    values = np.linalg.svd(E, compute_uv=False)
+    acting = E * into.d / into.x[:, None]
+    values = np.linalg.svd(acting / np.maximum(np.linalg.norm(acting, axis=0), _TINY), compute_uv=False)
     if m_d > n or values[-1] <= _DEPENDENT * values[0]:
         raise HistoryError(f"rank E < {m_d}: the unknown inputs cannot be told apart from the state")
     found = observers.design(parsed.observer, history, parsed.observer_options)
     if not isinstance(found.observer, LinearObserver):
         raise HistoryError(f"xhat is needed: {found.verdict}")
-    F = np.asarray(np.linalg.pinv(E), dtype=np.float64)
+    if found.observer.lag:
+        raise HistoryError(f"xhat of the same sample is needed, {parsed.observer} gives it {found.observer.lag} late")
+    F = norm.d[:, None] * np.linalg.pinv(E) / norm.x
+    A, E = norm.x[:, None] * A / norm.x, norm.x[:, None] * E / norm.d
+    realisation = _realise(found.observer, A, F)
+    proof = _prove(realisation, found.observer, split, spread, fit)
+    if not proof.holds:
+        raise HistoryError(proof.refusal())
     noise = np.linalg.norm(F, axis=1) * np.sqrt(1.0 + np.linalg.norm(A, 2) ** 2)
+    misfit = f"misfit {fit.misfit:.2g} over {fit.columns} columns"
     return EstimatorDesign(
         kind=KIND,
-        estimator=LinearInputEstimator(realisation=_realise(found.observer, A, F), lag=1),
-        verdict=f"accepted: {m_d} unknown inputs, one step late; misfit {fit.misfit:.2g} over {fit.columns} columns",
+        estimator=LinearInputEstimator(realisation=realisation, lag=1),
+        verdict=f"accepted: {m_d} unknown inputs, one step late; {misfit}; {proof.words()}",
         numbers={
             "A": A.tolist(),
             "E": E.tolist(),
             "misfit": fit.misfit,
             "excitation": fit.excitation.tolist(),
             "noise_gain": noise.tolist(),
+            "proof": figures(proof),
         },
     )
+
+
+def _prove(realisation: LinearObserver, observer: LinearObserver, split: Split, spread: Scaling, fit: Fit) -> Proof:
+    """Hold dhat against the recorded d in unseen samples; the observer starts where the recorded state puts it."""
+
+    def tried(history: History) -> list[Trial]:
+        trials = []
+        for one in stretches(history):
+            if len(one.y) < _SHORTEST or not np.isfinite(one.d).all():
+                continue
+            later = replace(one, **{name: getattr(one, name)[1:] for name in ("u", "y", "x", "d", "w")})
+            start = np.concatenate([right_start(observer, later), one.x[0]])
+            estimate, _ = run_linear(realisation, later.y, start)
+            size = max(float(np.max(np.abs(one.d / spread.d))), float(np.max(np.abs(one.x / spread.x))))
+            error = (estimate - one.d[:-1]) / spread.d
+            trials.append(Trial(error=error, residual=np.zeros((len(error), 0)), size=size))
+        return trials
+
+    unseen, rows = tried(split.unseen), realisation.states
+    covariance = noise_covariance(realisation, np.diag(spread.y**2))[:rows, :rows]
+    gain = float(np.sqrt(np.max(np.diag(covariance) / spread.d**2, initial=0.0)))
+    allowed, unknowns = rounding(_ROUNDING, gain, unseen), fit.Theta.shape[1]
+    if fit.misfit > _EXACT:
+        allowed = noise_of(tried(split.seen), unknowns, allowed)
+        allowed = replace(allowed, error=np.minimum(allowed.error, _WORTHLESS))
+    scales = (spread.d, np.zeros(0))
+    return prove(unseen, allowed, scales, spare_columns=fit.columns - unknowns, estimate="inputs")
 
 
 def _realise(observer: LinearObserver, A: NDArray[np.float64], F: NDArray[np.float64]) -> LinearObserver:

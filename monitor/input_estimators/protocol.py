@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
     from monitor.linear import Component, Vector
+    from monitor.proof import Proof
 
 
 class InputEstimator(Protocol):
@@ -66,3 +67,15 @@ class EstimatorDesign:
         return json.dumps(
             {"kind": self.kind, "accepted": self.accepted, "verdict": self.verdict, **self.numbers}, allow_nan=False
         )
+
+
+def figures(proof: Proof) -> dict[str, object]:
+    """A proof as JSON values."""
+    return {
+        "samples": proof.samples,
+        "spare_columns": proof.spare_columns,
+        "worst_error": proof.worst_error,
+        "allowed_error": proof.allowed_error,
+        "errors": proof.errors.tolist(),
+        "basis": proof.basis,
+    }

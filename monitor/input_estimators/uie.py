@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monitor.input_estimators.linear_estimator import LinearInputEstimator
-from monitor.input_estimators.protocol import EstimatorDesign
+from monitor.input_estimators.protocol import EstimatorDesign, figures
 from monitor.input_reconstruction import CLOSED_LOOP, OPEN_LOOP, applied_as_inputs
 from monitor.input_reconstruction import design as design_inputs
 
@@ -39,7 +39,7 @@ def _design(kind: str, history: History, options: Mapping[str, object]) -> Estim
     made = design_inputs(kind, applied_as_inputs(history), options)
     if made.observer is None:
         return EstimatorDesign(kind=kind, estimator=None, verdict=made.verdict)
-    zeros = made.report.zeros
+    zeros, proof = made.report.zeros, made.certificate.proof
     return EstimatorDesign(
         kind=kind,
         estimator=LinearInputEstimator(realisation=made.observer, lag=made.observer.lag),
@@ -51,5 +51,6 @@ def _design(kind: str, history: History, options: Mapping[str, object]) -> Estim
             "order": made.report.order,
             "zeros": None if zeros is None else [[float(zero.real), float(zero.imag)] for zero in zeros],
             "noise_gain": np.asarray(made.report.uncertainty(1.0)).tolist(),
+            "proof": None if proof is None else figures(proof),
         },
     )

@@ -45,10 +45,10 @@ def orthogonal_history(model: Model, reach: float = 1.0) -> History:
         experiments.append(Experiment(np.empty((2, 0)), x @ model.C.T, x))
     spare, generator = len(experiments) // 4, np.random.default_rng(0)
     for number in range(spare):  # one in five is held back: these, so that what is seen stays orthogonal
-        x = [generator.uniform(-1.0, 1.0, n)]
+        run = [generator.uniform(-1.0, 1.0, n)]
         for w in generator.uniform(-reach, reach, (8, q)):
-            x.append(model.A @ x[-1] + model.B @ w)
-        rows = np.array(x)
+            run.append(model.A @ run[-1] + model.B @ w)
+        rows = np.array(run)
         experiments.insert((2 * number + 1) * 5 // 2, Experiment(np.empty((9, 0)), rows @ model.C.T, rows))
     return History(tuple(experiments), 0.01, comparable=True)
 
