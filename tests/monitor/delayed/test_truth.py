@@ -64,7 +64,7 @@ def fresh_error(made: DelayedDesign, plant: Plant, generator: np.random.Generato
     state: Any = None
     states, estimates = [], []
     for _ in range(steps):
-        u, y = generator.uniform(-1.0, 1.0, B.shape[1]).tolist(), np.asarray(C @ x).tolist()
+        u, y = np.asarray(generator.uniform(-1.0, 1.0, B.shape[1])).tolist(), np.asarray(C @ x).tolist()
         state = made.observer.init(tuple(u), tuple(y)) if state is None else state
         state, found = made.observer.step(state, tuple(u), tuple(y))
         states.append(x)
