@@ -141,6 +141,7 @@ class Guarantee:
         certain_bias: (p,) smallest constant bias on one component alone that crosses residual_bound at some step
             whatever unknown inputs with |w_k| <= 1 do, 2 residual_bound_i / peak gain; infinite when none does.
         unit: what |w_k| = 1 means.
+        weights: (n,) diagonal of H, in units of 1 / x; None: all 1.
     """
 
     delay: int
@@ -158,6 +159,7 @@ class Guarantee:
     residual_bound: NDArray[np.float64] | None = None
     certain_bias: NDArray[np.float64] | None = None
     unit: str = ""
+    weights: NDArray[np.float64] | None = None
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -124,6 +124,7 @@ def design_for(
         residual_bound=moved,
         certain_bias=smallest_crossing(residual.peak_gain * units.y / units.y[:, None], 2.0 * moved),
         unit=unit,
+        weights=np.diag(H).copy(),
     )
     doubt = f"; borderline: {decoupling.doubt}" if exact and decoupling.doubt else ""
     certificate = Certificate(

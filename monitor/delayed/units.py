@@ -43,7 +43,7 @@ def in_units(made: DelayedDesign, scaling: Scaling) -> DelayedDesign:
     window = window_of(model, delay)
     inputs = _running(made.input_observer, replace(scaling, x=np.ones(model.B.shape[1])), scaling.x, delay)
     matrices = {"Q": model.A - L @ window.Theta, "L": L, "Theta": window.Theta, "Gamma": window.Gamma}
-    guarantee = None if made.guarantee is None else _bounds(made.guarantee, scaling.y)
+    guarantee = None if made.guarantee is None else _bounds(made.guarantee, scaling.x, scaling.y)
     return replace(
         made,
         observer=_running(made.observer, scaling, scaling.x, delay),
@@ -77,11 +77,12 @@ def _running(
     return scaling.observer(observer, state)
 
 
-def _bounds(guarantee: Guarantee, y: NDArray[np.float64]) -> Guarantee:
+def _bounds(guarantee: Guarantee, x: NDArray[np.float64], y: NDArray[np.float64]) -> Guarantee:
     """Bounds on the residual are in units of y; those on H e have the units of H e whatever those of x."""
     moved, certain = guarantee.residual_bound, guarantee.certain_bias
     return replace(
         guarantee,
+        weights=None if guarantee.weights is None else guarantee.weights / x,
         residual_bound=None if moved is None else y * moved,
         certain_bias=None if certain is None else y * certain,
     )

@@ -1,7 +1,7 @@
 """Delayed observers that promise a bound: does the error stay within it while unknown inputs are as in the record?
 
 The unknown input is measured by our own regression: what is left of X_f once [X_p; U_p; 1] is taken off, whitened; its
-largest norm over the record is 1.
+largest norm over the part that is not held back is 1.
 """
 
 from __future__ import annotations
@@ -10,8 +10,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from monitor.proof import hold_back
 from tests.fuzz.judge import Outcome
 from tests.fuzz.oracle import effective
+from tests.fuzz.recordings import complete
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -42,16 +44,17 @@ def bounded_outcome(
     d = recording.mean + recording.size * np.sign(generator.uniform(-1.0, 1.0, (_STEPS, plant.sizes[2])))
     y, x = plant.run(generator.uniform(-1.0, 1.0, len(plant.A)), u, d)
     units = recording.units
-    size = _size_of_inputs(plant, recording, u, x)
+    size = _size_of_inputs(plant, recording, max(guarantee.delay, 1), (u, x))
+    weights = np.ones(len(x[0])) if guarantee.weights is None else guarantee.weights
     state, worst, moved = observer.init((u[0] * units.u).tolist(), (y[0] * units.y).tolist()), 0.0, np.zeros(len(y[0]))
     for step in range(_STEPS):
         state, output = observer.step(state, (u[step] * units.u).tolist(), (y[step] * units.y).tolist())
         if step >= _STEPS * 3 // 5:
             error = np.array(output.estimate, dtype=float) - x[step - observer.lag] * units.x
-            worst = max(worst, float(np.linalg.norm(error)))
+            worst = max(worst, float(np.linalg.norm(weights * error)))
             moved = np.maximum(moved, np.abs(np.array(output.residual, dtype=float)))
     bound = min(guarantee.bound, guarantee.response_bound) * size
-    rounding = 1e-6 * float(np.linalg.norm(np.max(np.abs(x), axis=0) * units.x))
+    rounding = 1e-6 * float(np.linalg.norm(weights * np.max(np.abs(x), axis=0) * units.x))
     told = f"error {worst:.3g}, bound {bound:.3g} for inputs of size {size:.3g}: {made.verdict}"
     if worst > _LEFT * bound + rounding:
         return Outcome.WRONG, f"above its bound: {told}"
@@ -61,13 +64,14 @@ def bounded_outcome(
     return Outcome.RIGHT, told
 
 
-def _size_of_inputs(plant: Plant, recording: Recording, u: Floats, x: Floats) -> float:
-    """Largest norm of the unknown input of a run, in units of the largest one of the record."""
-    pairs = [
-        (np.hstack([x_[:-1], u_[:-1], np.ones((len(x_) - 1, 1))])[kept], x_[1:][kept])
-        for (u_, x_, _), whole in zip(recording.tables, recording.whole, strict=False)
-        for kept in [whole[:-1] & whole[1:]]
-    ]
+def _size_of_inputs(plant: Plant, recording: Recording, overlap: int, run: tuple[Floats, Floats]) -> float:
+    """Largest norm of the unknown input of a run (u, x), in units of the largest of the seen record."""
+    pairs = []
+    for one in hold_back(recording.history, overlap).seen.experiments:
+        kept = complete(one.u, one.y, one.x)[:-1] & complete(one.u, one.y, one.x)[1:]
+        u_, x_ = one.u / recording.units.u, one.x / recording.units.x
+        pairs.append((np.hstack([x_[:-1], u_[:-1], np.ones((len(x_) - 1, 1))])[kept], x_[1:][kept]))
+    u, x = run
     V, F = (np.vstack([pair[side] for pair in pairs]) for side in (0, 1))
     Theta = np.linalg.lstsq(V, F, rcond=None)[0]
     rank = int(np.linalg.matrix_rank(effective(plant)[0])) if plant.E.size else 0
