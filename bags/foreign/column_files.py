@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bags.foreign.cells import is_missing, is_number
 from bags.foreign.columns import MOST_CELLS, ColumnInfo, ColumnKind, library
 from bags.mcap.errors import BagError
-from bags.sources.kinds import check_regular
+from bags.mcap.kinds import check_regular
 
 _ROWS = 65_536
 _MOST_ROWS = 1 << 20  # of a spreadsheet

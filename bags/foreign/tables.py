@@ -9,7 +9,7 @@ from bags.foreign.columns import Table
 from bags.foreign.text_tables import SUFFIXES as TEXT_SUFFIXES
 from bags.foreign.text_tables import open_text
 from bags.mcap.errors import BagError
-from bags.sources.kinds import POINTERS, kind_of
+from bags.mcap.kinds import POINTERS, kind_of
 
 _HDF5_MAGIC = b"\x89HDF"
 _NETCDF: Final = (".nc", ".netcdf", ".cdf")

@@ -22,7 +22,7 @@ from bags.foreign.cells import (
 )
 from bags.foreign.columns import ColumnInfo, ColumnKind
 from bags.mcap.errors import BagError
-from bags.sources.kinds import check_regular
+from bags.mcap.kinds import check_regular
 
 SUFFIXES: Final = (".csv", ".tsv", ".txt", ".dat", ".csv.gz", ".tsv.gz", ".txt.gz", ".csv.bz2", ".csv.zst")
 _SEPARATORS = (",", ";", "\t", "|")

@@ -10,7 +10,7 @@ from bags.foreign.columns import library
 from bags.foreign.fields import FieldPath
 from bags.foreign.track import Recording
 from bags.mcap.errors import BagError
-from bags.sources.kinds import check_regular
+from bags.mcap.kinds import check_regular
 
 _STAMP = "timestamp"
 _MICROSECOND_NS = 1000

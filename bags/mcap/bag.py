@@ -20,8 +20,10 @@ from numpy.typing import NDArray
 from bags.mcap.cdr import Layout, layout_of
 from bags.mcap.chunk import MESSAGE_HEAD, MESSAGE_HEAD_LENGTH
 from bags.mcap.container import ChunkView, Container, open_container, readable
+from bags.mcap.definitions import is_standard
 from bags.mcap.errors import BagError
 from bags.mcap.typestore import typestore
+from bags.mcap.varying_text import of_varying_text
 
 BLOCK_ROWS = 10_000
 _LENGTH = ".length"  # of the one string in a layout
@@ -92,13 +94,15 @@ class Bag:
             BagError: No such topic, its messages vary in length (see `messages`), or the bag is damaged.
         """
         type_name = self._topic(topic).type_name
+        if not is_standard(self._container.definitions[topic]):
+            raise BagError(f"{self.path}: {topic} holds {type_name} by a definition of its own, see bags.sources")
         layout: Layout | None = None
-        parts: list[NDArray[np.void]] = []
+        parts: list[tuple[NDArray[np.int64], NDArray[np.void]]] = []
         for channel_id, chunk in self._chunks(topic):
             with readable(self.path):
                 layout = layout or _layout(type_name, next(chunk.payloads(channel_id)))
                 parts.append(_records(chunk, channel_id, layout, topic))
-            if sum(len(part) for part in parts) >= rows:
+            if sum(len(part) for _, part in parts) >= rows:
                 yield _block(topic, parts)
                 parts = []
         if parts:
@@ -153,6 +157,11 @@ class Bag:
         except BagError:
             return False
         return True
+
+    def is_standard(self) -> bool:
+        """Whether every message is laid out as ROS 2 Jazzy and dcmg_msgs define its type, and none is compressed."""
+        mode = str(self._container.information.get("compression_mode") or "").lower()
+        return mode in {"", "none"} and all(is_standard(one) for one in self._container.definitions.values())
 
     def _topic(self, topic: str) -> TopicInfo:
         if topic not in self.topics:
@@ -211,7 +220,10 @@ def _layout(type_name: str, first: bytes) -> Layout:
     return layout
 
 
-def _records(chunk: ChunkView, channel_id: int, layout: Layout, topic: str) -> NDArray[np.void]:
+def _records(
+    chunk: ChunkView, channel_id: int, layout: Layout, topic: str
+) -> tuple[NDArray[np.int64], NDArray[np.void]]:
+    """Log times and messages of a channel in a chunk."""
     raw = chunk.records(channel_id, MESSAGE_HEAD.size + layout.size)
     head = [("opcode", "u1"), ("length", "<u8"), ("channel_id", "<u2"), ("sequence", "<u4"), ("log_time", "<i8")]
     dtype = np.dtype([*head, ("publish_time", "<i8"), ("message", layout.dtype)])
@@ -221,11 +233,13 @@ def _records(chunk: ChunkView, channel_id: int, layout: Layout, topic: str) -> N
         or np.any(records["opcode"] != Opcode.MESSAGE)
         or np.any(records["length"] != MESSAGE_HEAD_LENGTH + layout.size)
         or np.any(records["channel_id"] != channel_id)
+        or not layout.fits(records["message"])
     ):
-        raise BagError(f"{topic}: messages of {layout.type_name} vary in length, expected {layout.size} bytes each")
-    return records
+        times = [MESSAGE_HEAD.unpack_from(chunk.data.data, at)[4] for at in chunk.offsets[channel_id].tolist()]
+        return np.array(times, dtype=np.int64), of_varying_text(list(chunk.payloads(channel_id)), layout, topic)
+    return records["log_time"].copy(), records["message"].copy()
 
 
-def _block(topic: str, parts: list[NDArray[np.void]]) -> TopicBlock:
-    records = np.concatenate(parts)
-    return TopicBlock(topic=topic, time_ns=records["log_time"].copy(), data=records["message"].copy())
+def _block(topic: str, parts: list[tuple[NDArray[np.int64], NDArray[np.void]]]) -> TopicBlock:
+    times, messages = zip(*parts, strict=True)
+    return TopicBlock(topic=topic, time_ns=np.concatenate(times), data=np.concatenate(messages))

@@ -69,6 +69,12 @@ class Layout:
         """Length of the message in bytes."""
         return self.dtype.itemsize
 
+    def fits(self, messages: NDArray[np.void]) -> bool:
+        """Whether messages of the right size also say so: encapsulation, and lengths of strings and sequences."""
+        wanted = self.template(1)
+        names = [name for name in self.dtype.names or () if name == "encapsulation" or name.endswith(".length")]
+        return all(bool(np.all(messages[name] == wanted[name])) for name in names)
+
     def template(self, count: int) -> NDArray[np.void]:
         """A block of messages with the constant parts filled in and everything else zero, shape (count,)."""
         return np.frombuffer(bytearray(self.pack(*(0,) * self._numbers) * count), dtype=self.dtype)

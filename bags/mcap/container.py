@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Any, final
 
 import numpy as np
-import yaml
 from mcap.exceptions import McapError
 from mcap.opcode import Opcode
 from mcap.records import Channel
@@ -17,14 +16,15 @@ from numpy.typing import NDArray
 
 from bags.mcap.chunk import ENTRY_BYTES, INDEX_HEAD, MESSAGE_HEAD, MESSAGE_HEAD_LENGTH
 from bags.mcap.chunk_table import ChunkEntry
+from bags.mcap.definitions import Definition
 from bags.mcap.errors import BagError
 from bags.mcap.expand import expand
 from bags.mcap.file_bytes import FileBytes
+from bags.mcap.folder import named_files, read_metadata
 from bags.mcap.frames import read_frame
 from bags.mcap.messages import walk
-from bags.mcap.metadata import METADATA_FILE, ROOT_KEY
+from bags.mcap.metadata import METADATA_FILE
 from bags.mcap.summary_section import SummarySection, summary_of
-from bags.mcap.yaml_text import load
 
 _CHUNK_HEAD = struct.Struct("<BQQQQII")  # opcode, length, times, size, check sum, letters of the compression
 _SIZE = struct.Struct("<Q")
@@ -93,6 +93,29 @@ class Container:
         return found
 
     @property
+    def definitions(self) -> dict[str, Definition]:
+        """What the channel of each topic says about its messages; where several say different things: unknown."""
+        found: dict[str, Definition] = {}
+        for _, summary in self.files:
+            for channel in summary.channels.values():
+                schema = summary.schemas.get(channel.schema_id)
+                one = Definition(
+                    type_name=schema.name if schema else "",
+                    form=schema.encoding if schema else "",
+                    text=schema.data.decode("utf-8", "replace") if schema else "",
+                    encoding=channel.message_encoding,
+                )
+                before = found.setdefault(channel.topic, one)
+                if before != one:
+                    found[channel.topic] = Definition(type_name=one.type_name, encoding="several definitions")
+        return found
+
+    @property
+    def promised(self) -> int:
+        """Number of messages that the files' statistics promise."""
+        return sum(one.statistics.message_count for _, one in self.files if one.statistics)
+
+    @property
     def counts(self) -> dict[str, int]:
         """Number of messages of each topic."""
         found = dict.fromkeys(self.topics, 0)
@@ -137,13 +160,9 @@ def open_container(path: Path) -> Container:
     information = _information(path)
     if information.get("storage_identifier") != "mcap":
         raise BagError(f"{path}: storage is {information.get('storage_identifier')!r}, expected 'mcap'")
-    names = information.get("relative_file_paths")
-    if not isinstance(names, list) or not names:
-        raise BagError(f"{path / METADATA_FILE}: relative_file_paths = {names!r}, expected a list of MCAP files")
     files: list[tuple[Path, SummarySection]] = []
     attachments: dict[str, bytes] = {}
-    for name in names:
-        file = path / str(name)
+    for file in named_files(path, information):
         with readable(file), FileBytes(file) as source:
             summary = _summary(file, source)
             attachments |= dict(_attachment(source, start) for start in summary.attachments)
@@ -199,14 +218,7 @@ def _information(path: Path) -> dict[str, Any]:
                 f"`dcmg bag repair {path}` restores it"
             )
         raise BagError(f"{path}: holds no {METADATA_FILE}, expected a rosbag2 directory")
-    try:
-        document = load(file.read_text("utf-8"))
-    except (OSError, UnicodeDecodeError, yaml.YAMLError) as error:
-        raise BagError(f"{file}: cannot be read as YAML ({' '.join(str(error).split())})") from error
-    information = document.get(ROOT_KEY) if isinstance(document, dict) else None
-    if not isinstance(information, dict):
-        raise BagError(f"{file}: has no {ROOT_KEY}, expected the metadata of rosbag2")
-    return information
+    return read_metadata(path)
 
 
 def _view(source: FileBytes, entry: ChunkEntry, indexes: NDArray[np.void], wanted: Collection[int] | None) -> ChunkView:

@@ -3,22 +3,21 @@
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, final
+from typing import NamedTuple, Protocol, final
 
 import numpy as np
 from mcap.opcode import Opcode
 from mcap.records import Channel
-from rosbags.highlevel import AnyReader, AnyReaderError
-from rosbags.interfaces import ConnectionExtRosbag2, QosDurability
 
 from bags.mcap.chunk import MESSAGE_HEAD, MESSAGE_HEAD_LENGTH
 from bags.mcap.container import ChunkView, Container, open_container, readable
 from bags.mcap.errors import BagError
 from bags.mcap.frames import FRAME
-from bags.mcap.yaml_text import load
+from bags.mcap.typestore import PACKAGE
+from bags.sources.latching import is_latched
+from bags.sources.recorded import Recorded, open_recorded
 
 CDR = "cdr"
-_LATCHED = (1, "transient_local")  # by number in older bags
 
 
 @final
@@ -85,14 +84,16 @@ def open_source(path: Path) -> Source:
     """
     try:
         container = open_container(path)
-    except BagError as error:
-        if not any(path.glob("*.db3*")):
-            raise
-        return _by_rosbags(path, error)
-    counted = sum(container.counts.values())
-    if counted and not any(len(summary.chunks) for _, summary in container.files):
-        return _by_rosbags(path, BagError(f"{path}: its messages are in no chunks"))
-    return _ChunkSource.of(container)
+    except BagError:
+        return _RecordedSource.of(path)
+    return _ChunkSource.of(container) if is_ours(container) else _RecordedSource.of(path)
+
+
+def is_ours(container: Container) -> bool:
+    """Whether we wrote a bag: then its indexes can be relied on, and nothing but its chunks is compressed."""
+    mode = str(container.information.get("compression_mode") or "").lower()
+    ours = any(name.startswith(f"{PACKAGE}/") for name in container.topics.values())
+    return ours and mode in {"", "none"} and container.promised == sum(container.counts.values())
 
 
 @final
@@ -115,7 +116,7 @@ class _ChunkSource:
                 type_name=types[name],
                 type_hash=channel.metadata.get("topic_type_hash", ""),
                 encoding=channel.message_encoding,
-                latched=_is_latched(channel),
+                latched=is_latched(channel.metadata.get("offered_qos_profiles", "")),
                 count=counts[name],
             )
             for name, channel in channels.items()
@@ -164,59 +165,52 @@ def _in_chunk(channels: Mapping[int, Channel], chunk: ChunkView) -> list[PlayedM
     return found
 
 
-def _is_latched(channel: Channel) -> bool:
-    text = channel.metadata.get("offered_qos_profiles", "")
-    profiles = load(text) if text else None
-    if not isinstance(profiles, list):
-        return False
-    return any(isinstance(one, dict) and one.get("durability") in _LATCHED for one in profiles)
-
-
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
-class _RosbagsSource:
-    """Storage that only the `rosbags` library reads: sqlite3, and MCAP files without chunks."""
+class _RecordedSource:
+    """A recording of any origin, each message as it was published: decompressed, whatever its file did to it."""
 
     path: Path
     topics: Mapping[str, PlayedTopic]
     start_ns: int
     end_ns: int
+    attachments: Mapping[str, bytes]
 
-    @property
-    def attachments(self) -> Mapping[str, bytes]:
-        """None: rosbags does not read them."""
-        return {}
+    @classmethod
+    def of(cls, path: Path) -> "_RecordedSource":
+        with open_recorded(path) as recorded:
+            start_ns, end_ns = 2**63 - 1, -(2**63)
+            for message in recorded.messages(recorded.channels):
+                start_ns, end_ns = min(start_ns, message.time_ns), max(end_ns, message.time_ns)
+            empty = end_ns < start_ns
+            return cls(
+                path=path,
+                topics={topic: _played(recorded, topic) for topic in recorded.topics},
+                start_ns=0 if empty else start_ns,
+                end_ns=0 if empty else end_ns,
+                attachments=recorded.attachments,
+            )
 
     def messages(self, topics: Collection[str], start_ns: int, end_ns: int) -> Iterator[PlayedMessage]:
-        """Messages with stamps in [start_ns, end_ns], by stamp."""
-        with readable(self.path), AnyReader([self.path]) as reader:
-            wanted = [one for one in reader.connections if one.topic in topics]
-            found = reader.messages(connections=wanted, start=start_ns, stop=end_ns + 1) if wanted else ()
-            for connection, time_ns, data in found:
-                yield PlayedMessage(time_ns, connection.topic, bytes(data))
+        """Messages with stamps in [start_ns, end_ns], in the order of the files."""
+        with open_recorded(self.path) as recorded:
+            wanted = [one for one in recorded.channels if one.topic in topics]
+            for channel, time_ns, data in recorded.messages(wanted):
+                if start_ns <= time_ns <= end_ns:
+                    yield PlayedMessage(time_ns, channel.topic, data)
 
 
-def _by_rosbags(path: Path, reason: BagError) -> _RosbagsSource:
-    try:
-        with readable(path), AnyReader([path]) as reader:
-            topics: dict[str, PlayedTopic] = {}
-            for one in reader.connections:
-                before = topics[one.topic].count if one.topic in topics else 0
-                topics[one.topic] = _of_connection(one, before + one.msgcount)
-            return _RosbagsSource(path=path, topics=topics, start_ns=reader.start_time, end_ns=reader.end_time - 1)
-    except (BagError, AnyReaderError) as error:
-        raise BagError(f"{reason}; rosbags cannot read it either ({error})") from error
-
-
-def _of_connection(connection: Any, count: int) -> PlayedTopic:  # noqa: ANN401 - its class is no part of rosbags' API
-    ext = connection.ext
-    ours = isinstance(ext, ConnectionExtRosbag2)
-    profiles = ext.offered_qos_profiles if isinstance(ext, ConnectionExtRosbag2) else []
+def _played(recorded: Recorded, topic: str) -> PlayedTopic:
+    channels = [one for one in recorded.topics[topic] if recorded.channels[one]] or recorded.topics[topic]
+    types = list(dict.fromkeys(one.definition.type_name for one in channels))
+    encodings = list(dict.fromkeys(one.definition.encoding for one in channels))
+    if len(types) > 1:  # one publisher has one type
+        encodings = [f"{' and '.join(types)}"]
     return PlayedTopic(
-        name=connection.topic,
-        type_name=connection.msgtype,
-        type_hash=connection.digest if connection.digest.startswith("RIHS01_") else "",
-        encoding=ext.serialization_format if ours else "ros1",
-        latched=any(one.durability == QosDurability.TRANSIENT_LOCAL for one in profiles),
-        count=count,
+        name=topic,
+        type_name=types[0],
+        type_hash=channels[0].definition.type_hash,
+        encoding=" and ".join(encodings),
+        latched=any(one.latched for one in channels),
+        count=sum(recorded.channels[one] for one in channels),
     )

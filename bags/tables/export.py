@@ -1,15 +1,22 @@
-"""Bags as files for other programs: CSV or Parquet, one file a topic; netCDF, one file a run."""
+"""A bag, or a run, as files for other programs: CSV, Parquet, netCDF."""
 
 import re
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from contextlib import ExitStack
+from dataclasses import dataclass, field
 from enum import Enum
 from pathlib import Path
-from typing import final
+from typing import Any, final
 
 from bags.mcap.bag import Bag, open_bag
 from bags.mcap.errors import BagError
-from bags.tables.rows import is_known
-from bags.tables.tabular import library, tables, write_netcdf
+from bags.sources.recorded import Known, Recorded, open_recorded
+from bags.sources.source import Channel
+from bags.tables.formulas import harmless
+from bags.tables.rows import flattener, is_known
+from bags.tables.tabular import library, table_maker, tables, write_netcdf
+
+_ROWS = 1000
 
 
 class TableFormat(Enum):
@@ -27,52 +34,203 @@ class ExportReport:
 
     Attributes:
         files: File of each exported topic, or of the run.
-        left_out: Topics that hold no message, or messages of a type that we do not know.
+        left_out: Topics that hold no message, or messages that cannot be read.
+        unreadable: Why, for those among them that hold messages; how many stands in front.
+        notes: What a person should know.
     """
 
     files: dict[str, Path]
     left_out: tuple[str, ...]
+    unreadable: dict[str, str] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
 
-def export(path: Path, out: Path, form: TableFormat) -> ExportReport:
-    """Write every topic as a table: `time_ns`, then one column a number; or a run as one netCDF file.
+def export(path: Path, out: Path, form: TableFormat, known: Known | None = None) -> ExportReport:
+    """Write every topic as a table: `time_ns`, then one column a field; or a run as one netCDF file.
 
-    Columns carry the names of the message's fields, `header.stamp.sec`, elements of arrays as `x[0]`. Of messages that
-    vary in length, sequences are lists in Parquet and JSON in CSV. Memory stays bounded by one block of messages.
+    Columns carry the names of the message's fields, `header.stamp.sec`, elements of arrays as `x[0]`; sequences are
+    lists in Parquet and JSON in CSV. In CSV, a text that a spreadsheet would execute gets an apostrophe in front.
+    Memory stays bounded by one block of messages.
 
     Args:
-        path: The bag's directory.
+        path: Any recording; for netCDF, the directory of a run.
         out: Folder for the files; must not exist, or be empty.
         form: CSV, Parquet or netCDF.
+        known: Definitions for what a recording does not define itself.
 
     Raises:
         BagError: The bag cannot be read, the folder holds something or cannot be written, or a package is missing.
     """
-    bag = open_bag(path)
+    bag = _standard_bag(path)
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise BagError(f"{out}: expected a new or empty folder, found one that holds something")
     try:
-        out.mkdir(parents=True, exist_ok=True)
         if form is TableFormat.NETCDF:
+            out.mkdir(parents=True, exist_ok=True)
             return ExportReport(files={"run": write_netcdf(path, out / "run.nc")}, left_out=())
-        files: dict[str, Path] = {}
-        for topic, info in bag.topics.items():
-            if info.count and (bag.is_fixed(topic) or is_known(info.type_name)):
-                files[topic] = out / f"{re.sub(r'[^A-Za-z0-9]+', '_', topic.strip('/'))}.{form.value}"
-                _write(bag, topic, files[topic], form)
+        if bag is None:
+            return _export_recorded(path, out, form, known)
+        out.mkdir(parents=True, exist_ok=True)
+        wanted = [name for name, info in bag.topics.items() if info.count and is_known(info.type_name)]
+        unreadable = {
+            name: f"{info.count} messages: message type {info.type_name} is unknown"
+            for name, info in bag.topics.items()
+            if info.count and name not in wanted
+        }
+        files = file_names(wanted, out, form)
+        changed = [_write(bag, topic, files[topic], form) for topic in wanted]
     except OSError as error:
         raise BagError(f"{out}: cannot write the tables ({error.strerror or error})") from error
-    return ExportReport(files=files, left_out=tuple(topic for topic in bag.topics if topic not in files))
+    return ExportReport(
+        files=files,
+        left_out=tuple(topic for topic in bag.topics if topic not in files),
+        unreadable=unreadable,
+        notes=_formula_notes(sum(changed)),
+    )
 
 
-def _write(bag: Bag, topic: str, file: Path, form: TableFormat) -> None:
+def file_names(topics: Sequence[str], out: Path, form: TableFormat) -> dict[str, Path]:
+    """A file for each topic, never one for two: `/a/b` and `/a_b` differ, on file systems without case too."""
+    found: dict[str, Path] = {}
+    taken: set[str] = set()
+    for topic in topics:
+        stem = re.sub(r"[^A-Za-z0-9]+", "_", topic.strip("/"))[:150].strip("_") or "topic"
+        name, number = stem, 1
+        while name.lower() in taken:
+            number += 1
+            name = f"{stem}_{number}"
+        taken.add(name.lower())
+        found[topic] = out / f"{name}.{form.value}"
+    return found
+
+
+def _standard_bag(path: Path) -> Bag | None:
+    """The bag as our own reader sees it, None for everything that is not laid out as we write it."""
+    if not path.is_dir():
+        return None
+    try:
+        bag = open_bag(path)
+    except BagError:
+        return None
+    return (
+        bag
+        if bag.is_standard() and any(one.type_name.startswith("dcmg_msgs/") for one in bag.topics.values())
+        else None
+    )
+
+
+def _write(bag: Bag, topic: str, file: Path, form: TableFormat) -> int:
+    """Write one topic; return how many texts were changed."""
     parts = tables(bag, topic, text_lists=form is TableFormat.CSV)
     first = next(parts)
+    changed = 0
+    with _writer(file, first.schema, form) as writer:
+        for part in _chained(first, parts):
+            table = part.cast(first.schema)
+            if form is TableFormat.CSV:
+                table, count = harmless(table)
+                changed += count
+            writer.write_table(table)
+    return changed
+
+
+def _export_recorded(path: Path, out: Path, form: TableFormat, known: Known | None) -> ExportReport:
+    """Any recording in one pass: every topic's rows are collected and written a thousand at a time."""
+    with open_recorded(path, known) as recorded:
+        counts = {topic: sum(recorded.channels[one] for one in found) for topic, found in recorded.topics.items()}
+        unreadable = {
+            topic: f"{count} messages: {recorded.unreadable(topic)}"
+            for topic, count in counts.items()
+            if count and recorded.unreadable(topic)
+        }
+        several = [topic for topic in counts if topic not in unreadable and len(_shapes(recorded, topic)) > 1]
+        unreadable |= {topic: f"{counts[topic]} messages: of several definitions" for topic in several}
+        wanted = [topic for topic, count in counts.items() if count and topic not in unreadable]
+        out.mkdir(parents=True, exist_ok=True)
+        files = file_names(wanted, out, form)
+        with ExitStack() as stack:
+            writers = {topic: _Rows(recorded, topic, files[topic], form, stack) for topic in wanted}
+            for message in recorded.messages([one for topic in wanted for one in recorded.topics[topic]]):
+                writers[message.channel.topic].take(message.channel, message.time_ns, message.data)
+            for one in writers.values():
+                one.flush()
+            changed = sum(one.changed for one in writers.values())
+        return ExportReport(
+            files=files,
+            left_out=tuple(topic for topic in counts if topic not in files),
+            unreadable=unreadable,
+            notes=(*recorded.notes, *_formula_notes(changed)),
+        )
+
+
+def _shapes(recorded: Recorded, topic: str) -> set[str]:
+    return {
+        repr(sorted(found.fields.items()))
+        for one in recorded.topics[topic]
+        if not isinstance(found := recorded.decoders[one], str)
+    }
+
+
+@final
+class _Rows:
+    """Rows of one topic on their way to its file."""
+
+    def __init__(self, recorded: Recorded, topic: str, file: Path, form: TableFormat, stack: ExitStack) -> None:
+        """Start without a file: it is made with the first rows."""
+        self._recorded, self._topic, self._file, self._form, self._stack = recorded, topic, file, form, stack
+        decoders = {
+            one: found for one in recorded.topics[topic] if not isinstance(found := recorded.decoders[one], str)
+        }
+        self._readers = {one: found.read for one, found in decoders.items()}
+        first = next(iter(decoders.values()))
+        self._flatten = flattener(first)
+        self._make = table_maker(first, text_lists=form is TableFormat.CSV)
+        self._rows: list[dict[str, Any]] = []
+        self._writer: Any = None
+        self._schema: Any = None
+        self.changed = 0
+
+    def take(self, channel: Channel, time_ns: int, data: bytes) -> None:
+        """Take one message.
+
+        Raises:
+            BagError: It is none.
+        """
+        try:
+            message = self._readers[channel](data)
+        except BagError as error:
+            raise BagError(f"{self._recorded.path}: {self._topic}: {error}") from None
+        self._rows.append({"time_ns": time_ns, **self._flatten(message)})
+        if len(self._rows) >= _ROWS:
+            self.flush()
+
+    def flush(self) -> None:
+        """Write what is there."""
+        if not self._rows:
+            return
+        table = self._make(self._rows)
+        self._rows = []
+        if self._form is TableFormat.CSV:
+            table, count = harmless(table)
+            self.changed += count
+        if self._writer is None:
+            self._schema = table.schema
+            self._writer = self._stack.enter_context(_writer(self._file, table.schema, self._form))
+        self._writer.write_table(table.cast(self._schema))
+
+
+def _writer(file: Path, schema: Any, form: TableFormat) -> Any:  # noqa: ANN401 - pyarrow ships no types
     if form is TableFormat.CSV:
-        writer = library("pyarrow.csv").CSVWriter(str(file), first.schema)
-    else:
-        writer = library("pyarrow.parquet").ParquetWriter(str(file), first.schema)
-    with writer:
-        writer.write_table(first)
-        for part in parts:
-            writer.write_table(part.cast(first.schema))
+        return library("pyarrow.csv").CSVWriter(str(file), schema)
+    return library("pyarrow.parquet").ParquetWriter(str(file), schema)
+
+
+def _chained(first: Any, others: Iterator[Any]) -> Iterator[Any]:  # noqa: ANN401 - idem
+    yield first
+    yield from others
+
+
+def _formula_notes(changed: int) -> tuple[str, ...]:
+    if not changed:
+        return ()
+    return (f"{changed} texts begin like a formula and got an apostrophe in front: spreadsheets would execute them",)

@@ -1,7 +1,7 @@
 """Recorded data in the containers of other libraries: Arrow tables, pandas data frames, xarray data sets."""
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from importlib import import_module
 from itertools import islice
 from pathlib import Path
@@ -12,9 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bags.mcap.bag import Bag, TopicBlock
+from bags.mcap.definitions import Decoder
 from bags.mcap.errors import BagError
+from bags.mcap.typestore import PACKAGE
 from bags.runs.reader import WINDOW_STEPS, Run, open_run
-from bags.tables.rows import kinds, rows
+from bags.tables.rows import kinds, rows, standard_decoder
 
 _ROWS = 1000
 _ARROW = {
@@ -131,15 +133,30 @@ def tables(bag: Bag, topic: str, *, text_lists: bool) -> Iterator[Any]:
         BagError: As `table`.
     """
     arrow = library("pyarrow")
-    if bag.is_fixed(topic):
+    # only our own strings never change; those of others are columns of text
+    if bag.is_fixed(topic) and bag.type_of(topic).startswith(PACKAGE):
         for block in bag.blocks(topic):
             yield arrow.table({name: np.ascontiguousarray(values) for name, values in columns(block).items()})
         return
-    types = {"time_ns": arrow.int64(), **_arrow_types(arrow, bag.type_of(topic))}
+    make = table_maker(standard_decoder(bag.type_of(topic)), text_lists=text_lists)
+    for part in _batched(rows(bag, topic)):
+        yield make(part)
+
+
+def table_maker(decoder: Decoder, *, text_lists: bool) -> Callable[[Sequence[dict[str, Any]]], Any]:
+    """What makes a `pyarrow.Table` of rows of one type, `time_ns` first.
+
+    Args:
+        decoder: Of the type.
+        text_lists: As for `tables`.
+    """
+    arrow = library("pyarrow")
+    types = {"time_ns": arrow.int64(), **_arrow_types(arrow, decoder)}
     nested = [name for name, kind in types.items() if text_lists and (kind is None or arrow.types.is_list(kind))]
     texts: dict[str, Callable[[object], object]] = dict.fromkeys(nested, json.dumps)
-    for part in _batched(rows(bag, topic)):
-        yield arrow.table(
+
+    def make(part: Sequence[dict[str, Any]]) -> Any:  # noqa: ANN401 - pyarrow ships no types
+        return arrow.table(
             {
                 name: arrow.array(
                     [texts.get(name, _same)(row[name]) for row in part], arrow.string() if name in texts else kind
@@ -147,6 +164,8 @@ def tables(bag: Bag, topic: str, *, text_lists: bool) -> Iterator[Any]:
                 for name, kind in types.items()
             }
         )
+
+    return make
 
 
 def columns(block: TopicBlock) -> dict[str, NDArray[Any]]:
@@ -186,10 +205,10 @@ def _same(value: object) -> object:
     return value
 
 
-def _arrow_types(arrow: ModuleType, type_name: str) -> dict[str, Any]:
+def _arrow_types(arrow: ModuleType, decoder: Decoder) -> dict[str, Any]:
     """Arrow type of each column, None where Arrow is to find it out: for lists of messages."""
     found: dict[str, Any] = {}
-    for name, kind in kinds(type_name).items():
+    for name, kind in kinds(decoder).items():
         base = None if kind == ("struct",) else getattr(arrow, _ARROW.get(kind[-1], kind[-1]))()
         found[name] = arrow.list_(base) if kind[0] == "list" else base
     return found

@@ -9,12 +9,14 @@ from typing import Annotated
 import typer
 from rich.console import Console
 from rich.table import Table
+from rich.text import Text
 
-from bags.mcap.bag import open_bag
 from bags.mcap.check import check as check_bag
 from bags.mcap.repair import repair as repair_bag
+from bags.sources.contents import contents
 from bags.tables.export import TableFormat
 from bags.tables.export import export as export_bag
+from dcmg.commands.definitions import EXIT_LEFT_OUT, Definitions, known_definitions
 
 _EXIT_DAMAGED = 1
 
@@ -27,26 +29,19 @@ Json = Annotated[bool, typer.Option("--json", help="print the result as one JSON
 @app.command()
 def info(bag: Bag, *, json: Json = False) -> None:
     """Show topics, counts, duration and attachments of a bag."""
-    found = open_bag(bag)
-    duration_sec = (found.end_ns - found.start_ns) * 1e-9
-    messages = sum(topic.count for topic in found.topics.values())
+    found = contents(bag)
     if json:
-        topics = [{"name": one.name, "type": one.type_name, "count": one.count} for one in found.topics.values()]
-        document = {
-            "bag": str(bag),
-            "messages": messages,
-            "start_ns": found.start_ns,
-            "duration_sec": duration_sec,
-            "topics": topics,
-            "attachments": sorted(found.attachments),
-        }
-        typer.echo(json_module.dumps(document))
-        return
-    table = Table("topic", "type", "messages")
-    for topic in found.topics.values():
-        table.add_row(topic.name, topic.type_name, str(topic.count))
-    Console().print(table)
-    typer.echo(f"{messages} messages over {duration_sec:g} s; attachments: {', '.join(found.attachments) or 'none'}")
+        typer.echo(json_module.dumps({"bag": str(bag), **found.document()}))
+    else:
+        table = Table("topic", "type", "messages")
+        for topic in found.topics:
+            table.add_row(Text(topic.name), Text(topic.type_name), str(topic.count))
+        Console().print(table)
+        for note in found.notes:
+            typer.echo(note)
+        duration_sec = (found.end_ns - found.start_ns) * 1e-9
+        attachments = ", ".join(sorted(found.attachments)) or "none"
+        typer.echo(f"{found.messages} messages over {duration_sec:g} s; attachments: {attachments}")
 
 
 @app.command()
@@ -55,12 +50,23 @@ def export(
     *,
     out: Annotated[Path, typer.Option(help="folder for the tables; new or empty")],
     form: Annotated[TableFormat, typer.Option("--format", help="kind of the files")] = TableFormat.CSV,
+    definitions: Definitions = None,
 ) -> None:
-    """Write one table a topic, or a run as one netCDF file with dimensions and units."""
-    report = export_bag(bag, out, form)
+    """Write one table a topic, or a run as one netCDF file with dimensions and units.
+
+    Exit code 3 when a topic with messages cannot be read: it is named, counted and left out.
+    """
+    report = export_bag(bag, out, form, known_definitions(definitions))
+    for note in report.notes:
+        typer.echo(note)
     typer.echo(f"{len(report.files)} file(s) are in {out}")
-    if report.left_out:
-        typer.echo(f"left out (no messages, or of an unknown type): {' '.join(report.left_out)}")
+    empty = [topic for topic in report.left_out if topic not in report.unreadable]
+    if empty:
+        typer.echo(f"left out, without messages: {' '.join(empty)}")
+    for topic, reason in report.unreadable.items():
+        typer.echo(f"left out: {topic}, {reason}", err=True)
+    if report.unreadable:
+        raise typer.Exit(EXIT_LEFT_OUT)
 
 
 @app.command()

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import os
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
 
 from bags.mcap.definitions import types_in_folder
 from bags.sources.recorded import Known
@@ -13,6 +15,16 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
 EXIT_LEFT_OUT = 3  # all went well, but something could not be read, and was named
+
+
+Definitions = Annotated[
+    list[Path] | None,
+    typer.Option(
+        metavar="DIR",
+        help="folder of .msg files for types that the bag does not define itself; repeatable",
+        show_default=False,
+    ),
+]
 
 
 def known_definitions(folders: Sequence[Path] | None) -> Known:

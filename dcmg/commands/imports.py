@@ -16,7 +16,7 @@ from bags.foreign.importing import import_histories, import_streams
 from bags.foreign.mapping import Mapping, Stamps, load_data, mapping_of
 from bags.foreign.outline import Described, describe_source
 from bags.foreign.sampling import Policy
-from dcmg.commands.definitions import EXIT_LEFT_OUT, known_definitions
+from dcmg.commands.definitions import EXIT_LEFT_OUT, Definitions, known_definitions
 from dcmg.errors import CommandError
 
 if TYPE_CHECKING:
@@ -51,14 +51,6 @@ PolicyOption = Annotated[
 ]
 Tolerance = Annotated[float | None, typer.Option(help="share of the period by which an instant may be off [0.01]")]
 MaxGap = Annotated[float | None, typer.Option(metavar="SECONDS", help="longest time that hold or linear bridges [s]")]
-Definitions = Annotated[
-    list[Path] | None,
-    typer.Option(
-        metavar="DIR",
-        help="folder of .msg files for types that the bag does not define itself; repeatable",
-        show_default=False,
-    ),
-]
 Json = Annotated[bool, typer.Option("--json", help="print the result as one JSON document, and nothing else there")]
 
 
