@@ -20,9 +20,9 @@ from bags.foreign.units import unit_note
 from bags.mcap.errors import BagError
 from bags.mcap.writer import BagWriter
 from bags.mcap.yaml_text import dump
-from bags.runs.origin import MONITOR_ATTACHMENT, attach_versions
 from bags.sources.recorded import Known
 from bags.watch.histories import read_all_histories
+from bags.wire.origin import MONITOR_ATTACHMENT, attach_versions
 from bags.wire.records import HistoryRecord
 from bags.wire.schema import RunTopics, run_topics
 from dgu_sim.grid import Link

@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 from bags.mcap.cdr import Layout
 from bags.mcap.chunk import MESSAGE_HEAD, MESSAGE_HEAD_LENGTH
 from bags.mcap.errors import BagError
-from bags.mcap.topic import Topic
-from bags.wire.codecs import NANOSECONDS_PER_SECOND
+from bags.mcap.topic import NANOSECONDS_PER_SECOND, Topic
 
 _HEAD = np.dtype(
     [

@@ -7,10 +7,10 @@ and for a few messages how many elements their sequences have.
 
 import re
 import struct
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache, partial
-from typing import Any, cast, final
+from typing import Any, NamedTuple, cast, final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -79,6 +79,11 @@ class Layout:
         """A block of messages with the constant parts filled in and everything else zero, shape (count,)."""
         return np.frombuffer(bytearray(self.pack(*(0,) * self._numbers) * count), dtype=self.dtype)
 
+    def read(self, payloads: Iterable[bytes]) -> NDArray[np.void]:
+        """Messages as one array, those left out that have another length or encoding, shape (messages,)."""
+        ours = [one for one in payloads if len(one) == self.size and one.startswith(ENCAPSULATION)]
+        return np.frombuffer(b"".join(ours), dtype=self.dtype)
+
 
 @cache
 def layout_of(type_name: str, text: str = "", sequences: tuple[tuple[str, int], ...] = ()) -> Layout:
@@ -95,11 +100,11 @@ def layout_of(type_name: str, text: str = "", sequences: tuple[tuple[str, int], 
     encoded = text.encode() + b"\0"
     builder = _Builder()
     lengths = dict(sequences)
-    for name, primitive, count in _leaves(type_name, "", lengths):
+    for name, primitive, count, sequence in _leaves(type_name, "", lengths):
         if primitive == "string":
             builder.add_text(name, encoded)
             continue
-        if name in lengths:
+        if sequence:
             builder.add_constant(f"{name}.length", struct.pack("<I", count), "<u4")
         builder.add(name, primitive, count)
     if len(builder.texts) > 1:
@@ -158,6 +163,15 @@ def _unpacker(type_name: str, code: str) -> Callable[[bytes], tuple[Any, ...]]:
     return unpack
 
 
+class _Leaf(NamedTuple):
+    """A field: dotted name, primitive type, number of elements (None: a scalar), and whether a message says it."""
+
+    name: str
+    primitive: str
+    elements: int | None = None
+    sequence: bool = False
+
+
 class _Builder:
     """Collects struct format and numpy fields while walking a message definition."""
 
@@ -172,14 +186,16 @@ class _Builder:
         self.formats: list[object] = ["V4"]
         self.offsets = [0]
 
-    def add(self, name: str, primitive: str, count: int) -> None:
-        """Append one number or fixed array."""
+    def add(self, name: str, primitive: str, count: int | None) -> None:
+        """Append one number (count None) or array; an empty one takes no room, not even to be aligned."""
         letter, numpy_code, size = _PRIMITIVES[primitive]
-        self._align(size)
-        self._field(name, numpy_code if count == 0 else (numpy_code, (count,)))
-        self.code += letter * max(count, 1)
-        self.end += size * max(count, 1)
-        self.values += max(count, 1)
+        elements = 1 if count is None else count
+        if elements:
+            self._align(size)
+        self._field(name, numpy_code if count is None else (numpy_code, (count,)))
+        self.code += letter * elements
+        self.end += size * elements
+        self.values += elements
         self.packed.append(name)
 
     def add_text(self, name: str, encoded: bytes) -> None:
@@ -213,8 +229,8 @@ class _Builder:
         self.offsets.append(self.end)
 
 
-def _leaves(type_name: str, prefix: str, lengths: Mapping[str, int]) -> Iterator[tuple[str, str, int]]:
-    """Dotted name, primitive type and array length (0: a scalar) of every field, nested messages opened up."""
+def _leaves(type_name: str, prefix: str, lengths: Mapping[str, int]) -> Iterator[_Leaf]:
+    """Every field, nested messages opened up."""
     store = typestore()
     if type_name not in store.fielddefs:
         raise BagError(f"message type {type_name!r} is unknown")
@@ -222,12 +238,12 @@ def _leaves(type_name: str, prefix: str, lengths: Mapping[str, int]) -> Iterator
         dotted = prefix + name
         match kind, detail:
             case Nodetype.BASE, (str(primitive), _):
-                yield dotted, primitive, 0
+                yield _Leaf(dotted, primitive)
             case Nodetype.NAME, str(nested):
                 yield from _leaves(nested, f"{dotted}.", lengths)
             case Nodetype.ARRAY, ((Nodetype.BASE, (str(primitive), _)), int(count)) if primitive != "string":
-                yield dotted, primitive, count
-            case Nodetype.SEQUENCE, ((Nodetype.BASE, (str(primitive), _)), _) if lengths.get(dotted):
-                yield dotted, primitive, lengths[dotted]
+                yield _Leaf(dotted, primitive, count)
+            case Nodetype.SEQUENCE, ((Nodetype.BASE, (str(primitive), _)), _) if dotted in lengths:
+                yield _Leaf(dotted, primitive, lengths[dotted], sequence=True)
             case _:
                 raise BagError(f"{type_name}: field {dotted} has no fixed length, expected numbers and fixed arrays")

@@ -7,6 +7,8 @@ from typing import final
 from bags.mcap.cdr import Layout
 from bags.mcap.qos import LATCHED_QOS, STREAM_QOS, Qos
 
+NANOSECONDS_PER_SECOND = 1_000_000_000
+
 
 class TopicKind(Enum):
     """How often a topic speaks."""

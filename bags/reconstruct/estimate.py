@@ -10,10 +10,10 @@ from numpy.typing import NDArray
 
 from bags.mcap.errors import BagError
 from bags.reconstruct.reconstruction import Reconstruction
-from bags.runs.origin import SCENARIO_ATTACHMENT
 from bags.runs.reader import open_run
 from bags.runs.run_record import RunRecord
 from bags.wire.convert import history_of
+from bags.wire.origin import SCENARIO_ATTACHMENT
 from dgu_sim.grid import Link
 from dgu_sim.plant import Coupling
 from dgu_sim.scenario import Scenario, parse_scenario

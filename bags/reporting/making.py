@@ -7,8 +7,8 @@ from typing import Any, final
 
 from bags.mcap.yaml_text import dump, load
 from bags.reporting.wording import certificate_lines
-from bags.runs.origin import HOST_ATTACHMENT, VERSIONS_ATTACHMENT
 from bags.runs.run_record import RunRecord
+from bags.wire.origin import HOST_ATTACHMENT, VERSIONS_ATTACHMENT
 from monitor import detectors
 from monitor.errors import MonitorError
 

@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 
 from bags.watch.combined_arrays import CombinedFields
 from bags.watch.monitors import MonitorArrays, alarm_changes
-from bags.wire.combined_topics import CombinedTopics
 from bags.wire.records import AlarmRecord
+from bags.wire.schema import RunTopics
 from dgu_sim.grid import Link
 from monitor.measures import changed
 
@@ -38,7 +38,7 @@ def link_alarms(
 
 
 def local_alarms(
-    fields: CombinedFields, before: NDArray[np.bool_], first_step: int, topics: CombinedTopics
+    fields: CombinedFields, before: NDArray[np.bool_], first_step: int, topics: RunTopics
 ) -> list[AlarmRecord]:
     """The alarms of the own states, in order of time; `before` (monitors,) are the verdicts at the step before."""
     if not fields.local:

@@ -11,7 +11,7 @@ from bags.runs.following import follow
 from bags.watch.combined_arrays import CombinedArrays, CombinedFields
 from bags.watch.designs import design_scenario
 from bags.watch.histories import recorded_states
-from bags.wire.combined_topics import MASKS
+from bags.wire.forms import MASKS
 from bags.wire.schema import RunTopics
 from dgu_sim.grid import Link
 from dgu_sim.scenario import Scenario

@@ -14,12 +14,9 @@ from bags.mcap.cdr import Layout
 from bags.mcap.chunk import MESSAGE_HEAD, MESSAGE_HEAD_LENGTH
 from bags.mcap.container import ChunkView, record_dtype
 from bags.mcap.errors import BagError
-from bags.watch.combined_arrays import CombinedFields
-from bags.watch.team_record import TeamArrays
-from bags.wire.combined_topics import CombinedTopics
+from bags.wire.arrays import columns, room
 from bags.wire.schema import RunTopics
 
-_VECTOR = 3  # components of states, outputs and residuals
 _ROWS_AT_ONCE = 1000
 
 
@@ -136,8 +133,8 @@ class Columns:
 
     def windows(
         self, sizes: Sequence[int], chunks: Iterator[tuple[Mapping[int, Channel], ChunkView]]
-    ) -> Iterator[dict[str, Any]]:
-        """The arrays of consecutive windows, by the names they have in a RunRecord.
+    ) -> Iterator[dict[str, NDArray[Any]]]:
+        """The arrays of consecutive windows.
 
         Args:
             sizes: Steps of each window.
@@ -148,8 +145,8 @@ class Columns:
         """
         batch = Batch()
         for size in sizes:
-            arrays = _Arrays.of(self.topics, size)
-            targets = arrays.targets(self.topics, self.by_name)
+            arrays = room(self.topics, size)
+            targets = {one.topic.name: one.fields for one in columns(self.topics, arrays, elsewhere=False)}
             self._fill(targets, size, batch)
             batch = Batch()
             while any(column.filled < size for column in self.by_name.values()):
@@ -159,7 +156,7 @@ class Columns:
                     batch = Batch()
                 if following is None:
                     break
-            yield arrays.fields()
+            yield arrays
             for column in self.by_name.values():
                 column.filled = 0
         for rest in chunks:
@@ -190,81 +187,9 @@ class Columns:
 
 def columns_of(topics: RunTopics, recorded: Collection[str]) -> Columns:
     """Columns for a run of which nothing has been read; a topic that was not recorded leaves NaN, 0 or False."""
-    clock, tick = topics.clock(), topics.tick()
-    layouts = {clock.topic.name: clock.layout, tick.topic.name: tick.layout}
-    for dgu in topics.dgus:
-        state, output = topics.state(dgu), topics.output(dgu)
-        layouts |= {state.topic.name: state.layout, output.topic.name: output.layout}
-    for link in topics.links:
-        received, residual = topics.received(link), topics.residual(link)
-        layouts |= {received.topic.name: received.layout, residual.topic.name: residual.layout}
-    if topics.team is not None:
-        layouts |= {topic.name: topic.layout for topic in topics.team.per_step if topic.layout is not None}
-    if topics.combined is not None:
-        layouts |= {topic.name: topic.layout for topic in topics.combined.per_step if topic.layout is not None}
-    by_name = {name: Column(name=name, layout=layout) for name, layout in layouts.items() if name in recorded}
+    by_name = {
+        topic.name: Column(name=topic.name, layout=topic.layout)
+        for topic in topics.per_step
+        if topic.layout is not None and topic.name in recorded
+    }
     return Columns(topics=topics, by_name=by_name)
-
-
-@final
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Arrays:
-    """The arrays of a RunRecord, still to be filled."""
-
-    dgu_fields: Mapping[str, NDArray[Any]]
-    output_fields: Mapping[str, NDArray[Any]]
-    received_fields: Mapping[str, NDArray[Any]]
-    residual_fields: Mapping[str, NDArray[Any]]
-    team: TeamArrays | None
-    combined: CombinedFields | None
-    combined_topics: CombinedTopics | None
-
-    @classmethod
-    def of(cls, topics: RunTopics, steps: int) -> "_Arrays":
-        """Empty arrays for a number of steps."""
-        dgus, links = (steps, len(topics.dgus)), (steps, len(topics.links))
-        return cls(
-            dgu_fields={
-                "x": np.full((*dgus, _VECTOR), np.nan),
-                **{name: np.full(dgus, np.nan) for name in ("load_current", "reference", "alpha")},
-            },
-            output_fields={"y": np.full((*dgus, _VECTOR), np.nan)},
-            received_fields={"y": np.full((*links, _VECTOR), np.nan), "delivered": np.zeros(links, dtype=np.bool_)},
-            residual_fields={
-                "phase": np.zeros(links, dtype=np.uint8),
-                "alarm": np.zeros(links, dtype=np.bool_),
-                **{name: np.full((*links, _VECTOR), np.nan) for name in ("estimate", "residual", "threshold")},
-            },
-            team=None if topics.team is None else TeamArrays.empty(topics.team, steps),
-            combined=None if topics.combined is None else CombinedFields.empty(topics.combined, steps),
-            combined_topics=topics.combined,
-        )
-
-    def targets(self, topics: RunTopics, recorded: Collection[str]) -> dict[str, dict[str, NDArray[Any]]]:
-        """Where the fields of each recorded per-step topic go, by topic."""
-        found: dict[str, dict[str, NDArray[Any]]] = {topics.clock().topic.name: {}, topics.tick().topic.name: {}}
-        for position, dgu in enumerate(topics.dgus):
-            found[topics.state(dgu).topic.name] = _at(self.dgu_fields, position)
-            found[topics.output(dgu).topic.name] = _at(self.output_fields, position)
-        for position, link in enumerate(topics.links):
-            found[topics.received(link).topic.name] = _at(self.received_fields, position)
-            found[topics.residual(link).topic.name] = _at(self.residual_fields, position)
-        if topics.team is not None and self.team is not None:
-            found |= self.team.targets(topics.team)
-        if self.combined is not None and self.combined_topics is not None:
-            found |= {topic.name: {} for topic in self.combined_topics.sent}
-            found |= dict(self.combined.by_topic(self.combined_topics))
-        return {name: fields for name, fields in found.items() if name in recorded}
-
-    def fields(self) -> dict[str, Any]:
-        """The arrays by the names they have in a RunRecord."""
-        received = {"received": self.received_fields["y"], "delivered": self.received_fields["delivered"]}
-        combined = None
-        if self.combined is not None and self.combined_topics is not None:
-            combined = self.combined.arrays(self.combined_topics)
-        heard = {**self.dgu_fields, **self.output_fields, **received, **self.residual_fields}
-        return {**heard, "told": self.team, "combined": combined}
-
-
-def _at(fields: Mapping[str, NDArray[Any]], position: int) -> dict[str, NDArray[Any]]:
-    return {name: array[:, position] for name, array in fields.items()}

@@ -15,17 +15,17 @@ from bags.mcap.recording import CHUNK_PRESETS, ChunkPreset, Recording
 from bags.mcap.writer import BagWriter
 from bags.runs.events import EventState, events_of, relayed_of
 from bags.runs.following import follow
-from bags.runs.origin import attach_origin
-from bags.runs.team_offline import TeamProgress, fill_team, write_team_documents
+from bags.runs.team_offline import TeamProgress, team_arrays, write_team_documents
 from bags.watch.combined_arrays import CombinedFields
 from bags.watch.designs import RunDesigns, design_scenario
 from bags.watch.histories import grid_history_of_run, histories_of_run, recorded_states
 from bags.watch.monitors import MonitorArrays
-from bags.wire.combined_topics import CombinedTopics
+from bags.wire.arrays import grouped, write
+from bags.wire.origin import attach_origin
 from bags.wire.records import HistoryRecord
-from bags.wire.schema import RunTopics
 from dgu_sim.scenario import Scenario
 from dgu_sim.simulate import Block
+from monitor.link_monitor import MonitorOutput
 
 # few hundred steps a chunk: nobody waits for them to reach the disk, and larger chunks cost less
 _RECORDING = Recording(chunks=ChunkPreset.COMPACT)
@@ -79,16 +79,15 @@ def simulate_to_bag(
         layout = writer.format_of(topics.per_step)
         for block, outputs, combined in follow(scenario, designs, recorded_states(scenario), _BLOCK_STEPS):
             rows = layout.block(block.first_step, len(block.x), topics.sampling_period_ns)
-            fill_rows(rows, topics, block, outputs)
-            if combined is not None:
-                fill_combined_rows(rows, topics, block, combined)
+            arrays = arrays_of(block, outputs, combined)
             told, events = events_of(topics, block, outputs, told, combined)
             for one in block.doubled:
                 second = topics.second(topics.links[one.position]).topic
                 if second.name not in writer.counts:
                     writer.add_topic(second)
             if team is not None:
-                fill_team(rows, team, block, events)
+                arrays |= team_arrays(team, block, events)
+            write(rows, topics, arrays)
             cuts = [0, *sorted({row + 1 for row in events} - {len(rows)}), len(rows)]
             for start, end in pairwise(cuts):
                 writer.write_block(layout, rows[start:end])
@@ -106,63 +105,33 @@ def _team(scenario: Scenario, designs: RunDesigns) -> TeamProgress | None:
     return TeamProgress(team=designs.team, histories=tuple(grid_history_of_run(scenario)))
 
 
-def fill_rows(rows: NDArray[np.void], topics: RunTopics, block: Block, outputs: MonitorArrays) -> None:
-    """Write the numbers of a block of steps into its messages.
-
-    Args:
-        rows: Rows as `BlockFormat.block` makes them, shape (steps,).
-        topics: The topics of the run.
-        block: States and outputs of one run.
-        outputs: What the monitors concluded.
-    """
+def arrays_of(block: Block, outputs: MonitorArrays, combined: CombinedFields | None) -> dict[str, NDArray[Any]]:
+    """What is told at every step of a block of one run, by the names of the table of messages."""
     state = {name: getattr(block, name)[:, 0] for name in ("x", "load_current", "reference", "alpha")}
-    sent = {"y": block.y[:, 0], "delivered": np.ones(block.alpha[:, 0].shape, dtype=np.bool_)}
-    received = dict(zip(("y", "delivered"), relayed_of(block), strict=True))
-    concluded = {name: getattr(outputs, name) for name in ("phase", "alarm", "estimate", "residual", "threshold")}
-    for position, dgu in enumerate(topics.dgus):
-        _fill(rows[topics.state(dgu).topic.name], state, {"dgu": dgu}, position)
-        _fill(rows[topics.output(dgu).topic.name], sent, {"source": dgu}, position)
-    for position, link in enumerate(topics.links):
-        _fill(rows[topics.received(link).topic.name], received, {"source": link.source}, position)
-        numbers = {"source": link.source, "monitor": link.target}
-        _fill(rows[topics.residual(link).topic.name], concluded, numbers, position)
+    y, delivered = relayed_of(block)
+    found = {
+        **grouped("state", state),
+        "output.y": block.y[:, 0],
+        "output.delivered": np.ones(block.alpha[:, 0].shape, dtype=np.bool_),
+        "received.y": y,
+        "received.delivered": delivered,
+        **judged(outputs),
+    }
+    return found if combined is None else found | said(combined)
 
 
-def fill_combined_rows(rows: NDArray[np.void], run: RunTopics, block: Block, fields: CombinedFields) -> None:
-    """Write into their messages what only monitors say that draw one conclusion from several tests.
-
-    Args:
-        rows: As for `fill_rows`.
-        run: The topics of the run.
-        block: States and outputs of one run.
-        fields: What the monitors said.
-    """
-    topics = run.combined
-    assert topics is not None  # noqa: S101 - whoever has the fields has the topics
-    own = {"y": block.y[:, 0], "reference": block.reference[:, 0]}
-    for monitor in topics.monitors if topics.parts.local else ():
-        _fill(rows[topics.own(monitor).topic.name], own, {"dgu": monitor}, run.dgus.index(monitor))
-    numbers = combined_numbers(topics)
-    for name, arrays in fields.by_topic(topics):
-        for field, array in (arrays | numbers[name]).items():
-            rows[name][field] = array
+def judged(outputs: MonitorArrays) -> dict[str, NDArray[Any]]:
+    """What the monitors of the links concluded, by the names of the table."""
+    return grouped("residual", {name: getattr(outputs, name) for name in MonitorOutput._fields})
 
 
-def combined_numbers(topics: CombinedTopics) -> dict[str, dict[str, int]]:
-    """The numbers that do not change in the messages of `fill_combined_rows`, by topic."""
-    numbers = {topics.verdict(monitor).topic.name: {"monitor": monitor} for monitor in topics.monitors}
-    numbers |= {topics.residual(one).topic.name: {"source": one, "monitor": one} for one in topics.monitors}
-    numbers |= {topics.input(one).topic.name: {"source": one.source, "monitor": one.target} for one in topics.links}
-    return numbers
-
-
-def _fill(
-    messages: NDArray[np.void], arrays: Mapping[str, NDArray[Any]], numbers: Mapping[str, int], position: int
-) -> None:
-    for name, array in arrays.items():
-        messages[name] = array[:, position]
-    for name, number in numbers.items():
-        messages[name] = number
+def said(fields: CombinedFields) -> dict[str, NDArray[Any]]:
+    """What only monitors say that draw one conclusion from several tests."""
+    return {
+        **grouped("verdict", fields.verdict),
+        **grouped("own_residual", fields.local),
+        **grouped("input", fields.inputs),
+    }
 
 
 def _write_latched(writer: BagWriter, designs: RunDesigns, records: Mapping[int, Sequence[HistoryRecord]]) -> None:

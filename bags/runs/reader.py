@@ -6,30 +6,32 @@
 
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import TypeVar, final
+from typing import Any, final
+
+import numpy as np
+from numpy.typing import NDArray
 
 from bags.mcap.container import Container, open_container, readable
 from bags.mcap.errors import BagError
+from bags.mcap.topic import NANOSECONDS_PER_SECOND, TopicKind
 from bags.runs.columns import columns_of, messages_of
-from bags.runs.origin import SCENARIO_ATTACHMENT
 from bags.runs.run_record import RunRecord
 from bags.watch.team_record import TeamRecord
-from bags.wire.codecs import NANOSECONDS_PER_SECOND, AlarmCodec
-from bags.wire.combined_topics import CombinedTopics, parts_among
-from bags.wire.records import AlarmRecord, DesignRecord, HistoryRecord, SecondRecord, StreamRecord
-from bags.wire.schema import RunTopics, run_topics
-from bags.wire.second import second_record, spoofed_steps, take_newest, takes_newest
+from bags.wire import table
+from bags.wire.origin import SCENARIO_ATTACHMENT
+from bags.wire.records import DesignRecord, HistoryRecord, SecondRecord
+from bags.wire.row import Row
+from bags.wire.schema import Parts, RunTopics, run_topics
+from bags.wire.second import spoofed_steps, take_newest, takes_newest
 from dgu_sim.grid import Link
 from dgu_sim.relay import RelayEvent
 
 WINDOW_STEPS = 2000
 _STATE_TOPIC = re.compile(r"/dgu_(\d+)/state")
 _RECEIVED_TOPIC = re.compile(r"/dgu_(\d+)/received/dgu_(\d+)")
-_T = TypeVar("_T")
-_Stepped = TypeVar("_Stepped", AlarmRecord, StreamRecord)
 
 
 @final
@@ -76,15 +78,16 @@ class Run:
         """
         sizes = [min(steps, self.steps - start) for start in range(0, max(self.steps, 1), steps)]
         columns = columns_of(self.topics, self._container.topics)
+        seconds_of = _Seconds.of(self._container, self.topics)
         start = 0
         for fields in columns.windows(sizes, self._container.chunks(columns.by_name.keys())):
             size = min(steps, self.steps - start)
-            seconds = self._seconds(start, start + size)
+            seconds = seconds_of.within(start, start + size)
             if seconds and takes_newest(self.attachments.get(SCENARIO_ATTACHMENT, b"").decode()):
                 spoofed = spoofed_steps(self.events, self.steps)
                 take_newest(
-                    fields["received"],
-                    fields["delivered"],
+                    fields["received.y"],
+                    fields["received.delivered"],
                     seconds,
                     self.topics.links,
                     first_step=start,
@@ -95,15 +98,15 @@ class Run:
                 topics=self.topics,
                 steps=size,
                 first_step=start,
-                **fields,
+                arrays=fields,
                 histories=self.histories,
                 designs=self.designs,
                 input_designs=self.input_designs,
                 events=self.events,
-                alarms=self._alarms(start, start + size),
+                alarms=self._within(table.ALARMS, start, start + size),
                 attachments=self.attachments,
-                team=self._team(start, start + size),
-                streams=self._streams(start, start + size),
+                team=self.team and replace(self.team, alarms=self._within(table.ACCUSATIONS, start, start + size)),
+                streams=self._within(table.STREAM, start, start + size),
                 seconds=seconds,
             )
             start += size
@@ -112,45 +115,10 @@ class Run:
             if column.read != counts[name]:
                 raise BagError(f"{self.path}: {name} has {column.read} messages, its statistics promise {counts[name]}")
 
-    def _alarms(self, start: int, end: int) -> tuple[AlarmRecord, ...]:
-        return self._alarms_on([self.topics.alarms(monitor) for monitor in self.topics.monitors], start, end)
-
-    def _team(self, start: int, end: int) -> TeamRecord | None:
-        """What the run says about its team, with the accusations of steps [start, end)."""
-        if self.team is None or self.topics.team is None:
-            return None
-        codecs = [self.topics.team.alarms(member) for member in self.topics.dgus]
-        return replace(self.team, alarms=self._alarms_on(codecs, start, end))
-
-    def _alarms_on(self, codecs: Sequence[AlarmCodec], start: int, end: int) -> tuple[AlarmRecord, ...]:
-        """The alarms of steps [start, end): a late one stands behind later steps, but its stamp tells."""
-        found: list[AlarmRecord] = []
-        decoders = {codec.topic.name: _into(found, codec.decode) for codec in codecs}
-        return self._within(found, decoders, start, end)
-
-    def _streams(self, start: int, end: int) -> tuple[StreamRecord, ...]:
-        """The faults of streams told of steps [start, end)."""
-        found: list[StreamRecord] = []
-        codecs = [self.topics.stream(monitor) for monitor in self.topics.monitors]
-        decoders = {codec.topic.name: _into(found, codec.decode) for codec in codecs}
-        return self._within(found, decoders, start, end)
-
-    def _seconds(self, start: int, end: int) -> tuple[SecondRecord, ...]:
-        """The messages of second publishers that claim steps [start, end)."""
-        found: list[SecondRecord | None] = []
-        decoders = {
-            self.topics.second(link).topic.name: _into(found, partial(second_record, self.topics, link))
-            for link in self.topics.links
-        }
-        if decoders.keys().isdisjoint(self._container.topics):
-            return ()
-        _decode(self._container, decoders)  # whatever their stamps say: anybody may have published them
-        ours = [one for one in found if one is not None and start <= one.step < end]
-        return tuple(sorted(ours, key=lambda one: one.step))
-
-    def _within(
-        self, found: list[_Stepped], decoders: Mapping[str, Callable[[bytes], None]], start: int, end: int
-    ) -> tuple[_Stepped, ...]:
+    def _within(self, row: Row[Any], start: int, end: int) -> tuple[Any, ...]:
+        """The records of a row's steps [start, end): a late one stands behind later steps, but its stamp tells."""
+        found: list[Any] = []
+        decoders = _decoders(self.topics, row, found)
         _decode(self._container, decoders, (self.topics.stamp_ns(start), self.topics.stamp_ns(end) - 1))
         return tuple(sorted((one for one in found if start <= one.step < end), key=lambda one: one.step))
 
@@ -168,18 +136,23 @@ def open_run(path: Path) -> Run:
     topics = _topics_of(container)
     counts = container.counts
     steps = min(counts[topic.name] for topic in topics.per_step if topic.name in counts)
-    documents = _Documents()
-    _decode(container, documents.decoders(topics))
+    said = _documents(container, topics)
+    team = None
+    if topics.team is not None:
+        experiments = tuple(sorted(said[table.GRID_HISTORY.key], key=lambda one: one.experiment))
+        designs = {one.monitor: one for one in said[table.TEAM_DESIGN.key]}
+        team = TeamRecord(designs=designs, alarms=(), histories=experiments)
+    own_designs = said.get(table.OWN_DESIGN.key, [])
     return Run(
         path=path,
         topics=topics,
         steps=steps,
-        histories=tuple(sorted(documents.histories, key=lambda one: (one.dgu, one.experiment))),
-        designs={Link(one.source, one.monitor): one for one in documents.designs},
-        input_designs={Link(one.source, one.monitor): one for one in documents.input_designs},
-        events=tuple(sorted((one for one in documents.events if one.step < steps), key=lambda one: one.step)),
+        histories=tuple(sorted(said[table.HISTORY.key], key=lambda one: (one.dgu, one.experiment))),
+        designs=_by_link([*said[table.DESIGN.key], *own_designs]),
+        input_designs=_by_link(said.get(table.INPUT_DESIGN.key, [])),
+        events=tuple(sorted((one for one in said[table.ATTACKS.key] if one.step < steps), key=lambda one: one.step)),
         attachments=container.attachments,
-        team=documents.team(topics),
+        team=team,
         _container=container,
     )
 
@@ -226,7 +199,10 @@ def _topics_of(container: Container) -> RunTopics:
     if not simulated:  # a stream from outside: nobody knows what the DGUs sent
         dgus = sorted({end for link in links for end in (link.source, link.target)})
     team = any(type_name == "dcmg_msgs/msg/TeamEstimate" for type_name in types.values())
-    parts = parts_among(types)
+    parts = None
+    if any(type_name == "dcmg_msgs/msg/Verdict" for type_name in types.values()):
+        own, inputs = (kind in types.values() for kind in ("dcmg_msgs/msg/Own", "dcmg_msgs/msg/InputEstimate"))
+        parts = Parts(local=own, inputs=inputs)
     topics = run_topics(dgus, links, 1, team=team, parts=parts)
     monitored = any(topics.residual(link).topic.name in types for link in links)
     residuals = [topics.residual(link).topic for link in topics.links] if monitored else []
@@ -259,54 +235,61 @@ def _sampling_period_ns(container: Container, topics: RunTopics) -> int:
     return recorded
 
 
+def _documents(container: Container, topics: RunTopics) -> dict[str, list[Any]]:
+    """What the messages say that stand before step 0, and the few about attacks, by row of the table."""
+    found: dict[str, list[Any]] = {}
+    decoders: dict[str, Callable[[bytes], None]] = {}
+    for row in topics.present:
+        if row.kind is TopicKind.LATCHED or row.key == table.ATTACKS.key:
+            decoders |= _decoders(topics, row, found.setdefault(row.key, []))
+    _decode(container, decoders)
+    return found
+
+
+def _decoders(topics: RunTopics, row: Row[Any], records: list[Any]) -> dict[str, Callable[[bytes], None]]:
+    """What puts the records of a row's topics into a list, by topic name."""
+    codecs = [topics.codec(row, place) for place in topics.places(row.over)]
+    return {codec.topic.name: partial(_into, records, codec.decode) for codec in codecs}
+
+
+def _into(records: list[Any], decode: Callable[[bytes], Any], payload: bytes) -> None:
+    records.append(decode(payload))
+
+
+def _by_link(designs: Sequence[DesignRecord]) -> dict[Link, DesignRecord]:
+    return {Link(one.source, one.monitor): one for one in designs}
+
+
 @final
 @dataclass(frozen=True, slots=True)
-class _Documents:
-    """What the messages say that stand before step 0, and the few about attacks."""
+class _Seconds:
+    """The messages of second publishers on each link, by the steps that they claim; decoded once.
 
-    histories: list[HistoryRecord] = field(default_factory=list)
-    designs: list[DesignRecord] = field(default_factory=list)
-    input_designs: list[DesignRecord] = field(default_factory=list)
-    events: list[RelayEvent] = field(default_factory=list)
-    team_designs: list[DesignRecord] = field(default_factory=list)
-    team_histories: list[HistoryRecord] = field(default_factory=list)
+    Whatever their stamps say: anybody may have published them, so a window may need one from anywhere in the bag.
+    """
 
-    def team(self, topics: RunTopics) -> TeamRecord | None:
-        """What was said about the team, if there is one."""
-        if topics.team is None:
-            return None
-        designs = {one.monitor: one for one in self.team_designs}
-        histories = tuple(sorted(self.team_histories, key=lambda one: one.experiment))
-        return TeamRecord(designs=designs, alarms=(), histories=histories)
+    by_link: Mapping[Link, NDArray[np.void]]
 
-    def decoders(self, topics: RunTopics) -> dict[str, Callable[[bytes], None]]:
-        """What to do with a message, by topic name."""
-        found: dict[str, Callable[[bytes], None]] = {}
-        for dgu in topics.dgus:
-            history = topics.history(dgu)
-            found[history.topic.name] = _into(self.histories, history.decode)
-        for link in topics.links:
-            design = topics.design(link)
-            found[design.topic.name] = _into(self.designs, design.decode)
-        if topics.combined is not None:
-            found |= self._combined(topics.combined)
-        events = topics.attack_events()
-        found[events.topic.name] = _into(self.events, events.decode)
-        if topics.team is not None:
-            history = topics.team.history()
-            found[history.topic.name] = _into(self.team_histories, history.decode)
-            for member in topics.dgus:
-                design = topics.team.design(member)
-                found[design.topic.name] = _into(self.team_designs, design.decode)
-        return found
+    @classmethod
+    def of(cls, container: Container, topics: RunTopics) -> "_Seconds":
+        """Those in a bag that have the length of ours."""
+        codecs = {topics.second(link).topic.name: (link, topics.second(link)) for link in topics.links}
+        found: dict[str, list[bytes]] = {name: [] for name in codecs if name in container.topics}
+        if found:
+            _decode(container, {name: payloads.append for name, payloads in found.items()})
+        by_link = {}
+        for name, payloads in found.items():
+            link, codec = codecs[name]
+            messages = codec.layout.read(payloads)
+            by_link[link] = messages[np.argsort(messages["step"], kind="stable")]
+        return cls(by_link)
 
-    def _combined(self, topics: CombinedTopics) -> dict[str, Callable[[bytes], None]]:
-        """The same for what only monitors have that draw one conclusion from several tests."""
-        own = [topics.design(monitor) for monitor in topics.monitors if topics.parts.local]
-        inputs = [topics.input_design(link) for link in topics.links if topics.parts.inputs]
-        found = {codec.topic.name: _into(self.designs, codec.decode) for codec in own}
-        return found | {codec.topic.name: _into(self.input_designs, codec.decode) for codec in inputs}
-
-
-def _into(records: list[_T], decode: Callable[[bytes], _T]) -> Callable[[bytes], None]:
-    return lambda payload: records.append(decode(payload))
+    def within(self, start: int, end: int) -> tuple[SecondRecord, ...]:
+        """Those that claim steps [start, end), by step; of one step and link in the order of the bag."""
+        found: list[SecondRecord] = []
+        for link, messages in self.by_link.items():
+            first, last = np.searchsorted(messages["step"], np.array([start, end], dtype=np.uint64))
+            for one in messages[first:last]:
+                y = tuple(map(float, one["y"]))
+                found.append(SecondRecord(step=int(one["step"]), link=link, y=y, delivered=bool(one["delivered"])))
+        return tuple(sorted(found, key=lambda one: one.step))

@@ -10,18 +10,21 @@ import numpy as np
 from bags.mcap.errors import BagError
 from bags.mcap.yaml_text import dump
 from bags.runs.alarm_events import in_order, link_alarms, local_alarms
-from bags.runs.origin import MONITOR_ATTACHMENT, SCENARIO_ATTACHMENT
+from bags.runs.offline import judged, said
 from bags.runs.reader import read_run
 from bags.runs.replay_settings import check_overrides, replayed_scenario
 from bags.runs.run_record import RunRecord
-from bags.runs.team_offline import TeamProgress, replayed_team
+from bags.runs.team_offline import TeamProgress, replayed_team, told_arrays
 from bags.watch.carried import Carried
 from bags.watch.combined import Watch
 from bags.watch.combined_arrays import CombinedFields
 from bags.watch.designs import design_run, team_told
 from bags.watch.monitors import MonitorArrays, RunMonitors, monitors_of
+from bags.wire.arrays import measured
 from bags.wire.convert import history_of
+from bags.wire.origin import MONITOR_ATTACHMENT, SCENARIO_ATTACHMENT
 from bags.wire.records import DesignRecord
+from bags.wire.row import Need
 from bags.wire.schema import RunTopics, parts_of
 from bags.wire.stream import Spoofed
 from dgu_sim.grid import Link
@@ -78,26 +81,22 @@ def replay_windows(
             own_alarm = np.zeros(len(prepared.topics.monitors), dtype=np.bool_)
         outputs, fields = prepared.watch(window)
         alarms = link_alarms(outputs, alarm, window.first_step, window.links)
-        combined = None
         if prepared.topics.combined is not None and fields is not None:
             alarms += local_alarms(fields, own_alarm, window.first_step, prepared.topics.combined)
-            combined = fields.arrays(prepared.topics.combined)
             own_alarm = fields.local["alarm"][-1] if fields.local and window.steps else own_alarm
-        told, team = (None, None) if prepared.team is None else replayed_team(prepared.team, window)
+        arrays = judged(outputs) | ({} if fields is None else said(fields))
+        team = None
+        if prepared.team is not None:
+            told, team = replayed_team(prepared.team, window)
+            arrays |= told_arrays(told)
         yield replace(
             window,
             topics=prepared.topics,
-            phase=outputs.phase,
-            alarm=outputs.alarm,
-            estimate=outputs.estimate,
-            residual=outputs.residual,
-            threshold=outputs.threshold,
+            arrays=measured(prepared.topics, window.arrays) | arrays,
             designs=prepared.designs,
             input_designs=prepared.input_designs,
             alarms=tuple(in_order(alarms)),
-            combined=combined,
             attachments=prepared.attachments,
-            told=told,
             team=team,
         )
         alarm = outputs.alarm[-1] if window.steps else alarm
@@ -128,7 +127,7 @@ def _prepare(record: RunRecord, overrides: Sequence[str], *, redesign: bool) -> 
     carried = None if redesign else carried_by(record)
     designs = design_run(topics, settings, histories_of(record), carried=carried, team=team)
     records = [design for _, design in designs.messages()]
-    estimators = len(record.links) if topics.combined is not None and topics.combined.parts.inputs else 0
+    estimators = len(record.links) if topics.has(Need.INPUTS) else 0
     progress = None
     if designs.team is not None and record.team is not None:
         progress = TeamProgress(team=designs.team, histories=record.team.histories)

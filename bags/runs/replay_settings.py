@@ -6,9 +6,9 @@ from dataclasses import replace
 from pathlib import Path
 
 from bags.mcap.errors import BagError
-from bags.runs.origin import SCENARIO_ATTACHMENT
 from bags.runs.run_record import RunRecord
 from bags.watch.histories import read_histories
+from bags.wire.origin import SCENARIO_ATTACHMENT
 from bags.wire.schema import run_topics
 from dgu_sim.scenario import Scenario, parse_scenario
 

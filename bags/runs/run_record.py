@@ -1,16 +1,18 @@
 """Consecutive steps of a recorded run in memory: all of them, or a window."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from typing import final
+from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bags.runs.origin import SCENARIO_ATTACHMENT
-from bags.watch.combined_arrays import CombinedArrays
+from bags.watch.combined_arrays import CombinedArrays, CombinedFields
 from bags.watch.team_record import TeamArrays, TeamRecord
+from bags.wire.arrays import Arrays, group
+from bags.wire.origin import SCENARIO_ATTACHMENT
 from bags.wire.records import AlarmRecord, DesignRecord, HistoryRecord, SecondRecord, StreamRecord
 from bags.wire.schema import RunTopics
 from dgu_sim.grid import Link
@@ -19,7 +21,7 @@ from monitor.measures import spans
 
 
 @final
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class RunRecord:
     """What a bag says about a run, or about a window of it; axes "dgus" and "links" are in the order of `topics`.
 
@@ -27,59 +29,120 @@ class RunRecord:
         path: The bag.
         topics: DGUs, links and sampling period.
         steps: Complete steps in here: a last step of which messages are missing is left out.
-        first_step: Step of the first row; 0 unless this is a later window of a run.
-        x: True states, shape (steps, dgus, 3): V [V], I_t [A], v [V s].
-        load_current: I_L, shape (steps, dgus) [A].
-        reference: V_ref + alpha, shape (steps, dgus) [V].
-        alpha: Secondary correction, shape (steps, dgus) [V].
-        y: Outputs as sent, shape (steps, dgus, 3) [V, A, V s].
-        received: Outputs as the receivers took them, shape (steps, links, 3) [V, A, V s].
-        delivered: False where a link lost the sample, shape (steps, links).
-        phase: Phase of each monitor (the constants of Residual.msg), shape (steps, links).
-        alarm: Verdict of each monitor, shape (steps, links).
-        estimate: State estimates, shape (steps, links, 3) [V, A, V s].
-        residual: Residuals, shape (steps, links, 3) [V, A, V s]; NaN where there is none.
-        threshold: Thresholds, shape (steps, links, 3) [V, A, V s]; NaN before they are set.
+        arrays: What was told at every step, by row and field of the table of messages: "residual.alarm"; see
+            `bags.wire.arrays`. The most wanted ones are properties here.
         histories: Offline experiments, by DGU and number.
         designs: What was designed for each link; for the own state of DGU j, as link j-j.
         events: Attacks that started or stopped anywhere in the run, in order of time.
         alarms: Alarms that started or ended at these steps, in order of time.
         attachments: Documents in the bag by name.
-        told: What the members of the team told, None without a team.
+        first_step: Step of the first row; 0 unless this is a later window of a run.
         team: Designs and accusations of the team, None without.
         streams: Faults of the streams of messages that appeared or ended at these steps, in order of time.
         seconds: Messages of second publishers of these steps, in the order of the bag.
-        combined: What monitors that draw one conclusion from several tests said besides; None: they do not.
         input_designs: What estimates the input of the source of each link; empty without plausibility tests.
     """
 
     path: Path
     topics: RunTopics
     steps: int
-    x: NDArray[np.float64]
-    load_current: NDArray[np.float64]
-    reference: NDArray[np.float64]
-    alpha: NDArray[np.float64]
-    y: NDArray[np.float64]
-    received: NDArray[np.float64]
-    delivered: NDArray[np.bool_]
-    phase: NDArray[np.uint8]
-    alarm: NDArray[np.bool_]
-    estimate: NDArray[np.float64]
-    residual: NDArray[np.float64]
-    threshold: NDArray[np.float64]
+    arrays: Arrays
     histories: tuple[HistoryRecord, ...]
     designs: Mapping[Link, DesignRecord]
     events: tuple[RelayEvent, ...]
     alarms: tuple[AlarmRecord, ...]
     attachments: Mapping[str, bytes]
     first_step: int = 0
-    told: TeamArrays | None = None
     team: TeamRecord | None = None
     streams: tuple[StreamRecord, ...] = ()
     seconds: tuple[SecondRecord, ...] = ()
-    combined: CombinedArrays | None = None
     input_designs: Mapping[Link, DesignRecord] = field(default_factory=dict)
+
+    @property
+    def x(self) -> NDArray[np.float64]:
+        """True states, shape (steps, dgus, n); of a DGU: V [V], I_t [A], v [V s]."""
+        return self.arrays["state.x"]
+
+    @property
+    def load_current(self) -> NDArray[np.float64]:
+        """I_L, shape (steps, dgus) [A]."""
+        return self.arrays["state.load_current"]
+
+    @property
+    def reference(self) -> NDArray[np.float64]:
+        """V_ref + alpha, shape (steps, dgus) [V]."""
+        return self.arrays["state.reference"]
+
+    @property
+    def alpha(self) -> NDArray[np.float64]:
+        """Secondary correction, shape (steps, dgus) [V]."""
+        return self.arrays["state.alpha"]
+
+    @property
+    def y(self) -> NDArray[np.float64]:
+        """Outputs as sent, shape (steps, dgus, p) [V, A, V s]."""
+        return self.arrays["output.y"]
+
+    @property
+    def received(self) -> NDArray[np.float64]:
+        """Outputs as the receivers took them, shape (steps, links, p) [V, A, V s]."""
+        return self.arrays["received.y"]
+
+    @property
+    def delivered(self) -> NDArray[np.bool_]:
+        """False where a link lost the sample, shape (steps, links)."""
+        return self.arrays["received.delivered"]
+
+    @property
+    def phase(self) -> NDArray[np.uint8]:
+        """Phase of each monitor (the constants of Residual.msg), shape (steps, links)."""
+        return self.arrays["residual.phase"]
+
+    @property
+    def alarm(self) -> NDArray[np.bool_]:
+        """Verdict of each monitor, shape (steps, links)."""
+        return self.arrays["residual.alarm"]
+
+    @property
+    def estimate(self) -> NDArray[np.float64]:
+        """State estimates, shape (steps, links, n) [V, A, V s]."""
+        return self.arrays["residual.estimate"]
+
+    @property
+    def residual(self) -> NDArray[np.float64]:
+        """Residuals, shape (steps, links, p) [V, A, V s]; NaN where there is none."""
+        return self.arrays["residual.residual"]
+
+    @property
+    def threshold(self) -> NDArray[np.float64]:
+        """Thresholds, shape (steps, links, p) [V, A, V s]; NaN before they are set."""
+        return self.arrays["residual.threshold"]
+
+    @cached_property
+    def combined(self) -> CombinedArrays | None:
+        """What monitors that draw one conclusion from several tests said besides; None: they do not."""
+        if self.topics.combined is None:
+            return None
+        parts = (group(self.arrays, key) for key in ("verdict", "own_residual", "input"))
+        verdict, local, inputs = parts
+        return CombinedFields(verdict=verdict, local=local, inputs=inputs).arrays(self.topics)
+
+    @cached_property
+    def told(self) -> TeamArrays | None:
+        """What the members of the team told, None without a team."""
+        if self.topics.team is None:
+            return None
+        announced: list[NDArray[Any]] = list(group(self.arrays, "announced").values())
+        return TeamArrays(inputs=np.stack(announced, axis=-1), **group(self.arrays, "estimate"))
+
+    def with_arrays(self, arrays: Arrays) -> "RunRecord":
+        """The same with other arrays in the place of these."""
+        return replace(self, arrays={**self.arrays, **arrays})
+
+    def rows(self, start: int, stop: int) -> "RunRecord":
+        """Rows [start, stop); events and alarms stay."""
+        cut = {name: array[start:stop] for name, array in self.arrays.items()}
+        return replace(self, arrays=cut, steps=stop - start, first_step=self.first_step + start)
 
     @property
     def links(self) -> tuple[Link, ...]:

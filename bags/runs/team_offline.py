@@ -11,8 +11,10 @@ from bags.mcap.writer import BagWriter
 from bags.runs.run_record import RunRecord
 from bags.watch.team import RunTeam
 from bags.watch.team_record import TeamArrays, TeamRecord, accusation_changes
+from bags.wire.arrays import grouped
 from bags.wire.records import AlarmRecord, HistoryRecord
 from dgu_sim.simulate import Block
+from monitor.team import MemberOutput
 
 
 @final
@@ -45,33 +47,31 @@ class TeamProgress:
 
 def write_team_documents(writer: BagWriter, progress: TeamProgress) -> None:
     """Write what stands before step 0."""
-    history = progress.team.topics.history()
+    history = progress.team.topics.grid_history()
     for record in progress.histories:
         writer.write(history.topic.name, 0, history.encode(record))
     for codec, design in progress.team.messages():
         writer.write(codec.topic.name, 0, codec.encode(design))
 
 
-def fill_team(
-    rows: NDArray[np.void], progress: TeamProgress, block: Block, events: dict[int, list[tuple[Topic, bytes]]]
-) -> None:
-    """Step the team through a block, write what is told into its messages, and add its accusations to the events."""
+def team_arrays(
+    progress: TeamProgress, block: Block, events: dict[int, list[tuple[Topic, bytes]]]
+) -> dict[str, NDArray[Any]]:
+    """Step the team through a block; what is told, by the names of the table. Its accusations go to the events."""
     topics = progress.team.topics
     told, changes = progress.take(block.y[:, 0], block.received[:, 0], _announced(progress.team, block))
-    numbers = {
-        **{topics.inputs(dgu).topic.name: ("dgu", dgu) for dgu in topics.announcing},
-        **{topics.estimate(member).topic.name: ("monitor", member) for member in topics.dgus},
-    }
-    for name, fields in told.targets(topics).items():
-        field, number = numbers[name]
-        rows[name][field] = number
-        for key, values in fields.items():
-            rows[name][key] = values
     for row, member, accused in changes:
-        codec = topics.alarms(topics.dgus[member])
+        codec = topics.accusations(topics.dgus[member])
         output = told.accusation(row, member, accused)
         data = codec.encode(block.first_step + row, topics.dgus[accused], output)
         events.setdefault(row, []).append((codec.topic, data))
+    return told_arrays(told)
+
+
+def told_arrays(told: TeamArrays) -> dict[str, NDArray[Any]]:
+    """What the members told and the DGUs announced, by the names of the table."""
+    announced = {"announced.load_current": told.inputs[..., 0], "announced.reference": told.inputs[..., 1]}
+    return announced | grouped("estimate", {name: getattr(told, name) for name in MemberOutput._fields})
 
 
 def replayed_team(progress: TeamProgress, window: RunRecord) -> tuple[TeamArrays, TeamRecord]:

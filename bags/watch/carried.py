@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 from bags.mcap.container import open_container, readable
 from bags.mcap.errors import BagError
 from bags.mcap.topic import Topic, TopicKind
-from bags.runs.origin import MONITOR_ATTACHMENT, SCENARIO_ATTACHMENT
 from bags.wire.documents import DesignCodec
+from bags.wire.origin import MONITOR_ATTACHMENT, SCENARIO_ATTACHMENT
 from bags.wire.records import DesignRecord
 from dgu_sim.scenario import parse_monitor, parse_scenario
 from dgu_sim.settings import MonitorSettings
@@ -83,7 +83,7 @@ def read_carried(path: Path) -> Carried:
                 name = channels[channel_id].topic
                 if name in names:
                     topic = Topic(name=name, type_name=_DESIGN, publishers=(), kind=TopicKind.LATCHED)
-                    codec = DesignCodec(topic=topic, source=0, monitor=0)
+                    codec = DesignCodec(topic=topic, source=0, monitor=0, frame="")
                     records[name] = [codec.decode(payload) for payload in chunk.payloads(channel_id)][-1]
     if not records:
         raise BagError(f"{path}: holds no designs (topics of type {_DESIGN}), expected the bag of a run")

@@ -1,13 +1,15 @@
 """What monitors that draw one conclusion from several tests said over some steps."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, final
 
 import numpy as np
 from numpy.typing import NDArray
 
-from bags.wire.combined_topics import MASKS, CombinedTopics
+from bags.wire.forms import MASKS
+from bags.wire.row import Need
+from bags.wire.schema import RunTopics
 from monitor.combined import DguOutput
 
 _VECTOR, _INPUTS = 3, 2
@@ -89,12 +91,12 @@ class CombinedFields:
     inputs: Mapping[str, NDArray[Any]]
 
     @classmethod
-    def empty(cls, topics: CombinedTopics, steps: int) -> "CombinedFields":
+    def empty(cls, topics: RunTopics, steps: int) -> "CombinedFields":
         """Room for the messages of some steps."""
         monitors, links = (steps, len(topics.monitors)), (steps, len(topics.links))
         return cls(
             verdict={
-                **{name: np.zeros(monitors, dtype=np.uint64) for name in (*MASKS, "dropped")},
+                **{name: np.zeros(monitors, dtype=np.uint64) for name in MASKS},
                 "local": np.zeros(monitors, dtype=np.bool_),
             },
             local={
@@ -102,7 +104,7 @@ class CombinedFields:
                 "alarm": np.zeros(monitors, dtype=np.bool_),
                 **{name: np.full((*monitors, _VECTOR), np.nan) for name in _VECTORS},
             }
-            if topics.parts.local
+            if topics.has(Need.LOCAL)
             else {},
             inputs={
                 "lag": np.zeros(links, dtype=np.uint32),
@@ -110,22 +112,13 @@ class CombinedFields:
                 "alarm": np.zeros(links, dtype=np.bool_),
                 **{name: np.full((*links, _INPUTS), np.nan) for name in _PAIRS},
             }
-            if topics.parts.inputs
+            if topics.has(Need.INPUTS)
             else {},
         )
 
-    def by_topic(self, topics: CombinedTopics) -> Iterator[tuple[str, dict[str, NDArray[Any]]]]:
-        """Topic name and its fields over the steps."""
-        for position, monitor in enumerate(topics.monitors):
-            yield topics.verdict(monitor).topic.name, _at(self.verdict, position)
-            if self.local:
-                yield topics.residual(monitor).topic.name, _at(self.local, position)
-        for position, link in enumerate(topics.links if self.inputs else ()):
-            yield topics.input(link).topic.name, _at(self.inputs, position)
-
-    def arrays(self, topics: CombinedTopics) -> CombinedArrays:
+    def arrays(self, topics: RunTopics) -> CombinedArrays:
         """The arrays, masks opened up."""
-        flags = {name: _flags(self.verdict[name], topics) for name in (*MASKS, "dropped")}
+        flags = {name: _flags(self.verdict[name], topics) for name in MASKS}
         return CombinedArrays(
             verdict=VerdictArrays(**flags, local=self.verdict["local"]),
             local=LocalArrays(**self.local) if self.local else None,
@@ -133,7 +126,7 @@ class CombinedFields:
         )
 
 
-def fields_of(rows: Sequence[Sequence[DguOutput]], lags: Sequence[int], topics: CombinedTopics) -> CombinedFields:
+def fields_of(rows: Sequence[Sequence[DguOutput]], lags: Sequence[int], topics: RunTopics) -> CombinedFields:
     """Put what all monitors said at some steps into message fields.
 
     Args:
@@ -144,7 +137,7 @@ def fields_of(rows: Sequence[Sequence[DguOutput]], lags: Sequence[int], topics: 
     fields = CombinedFields.empty(topics, len(rows))
     if not rows:
         return fields
-    for name in MASKS:
+    for name in MASKS[:-1]:
         flags = [[getattr(one.verdict.isolation, name) for one in row] for row in rows]
         fields.verdict[name][:] = _masks(flags)
     fields.verdict["dropped"][:] = _masks([[one.verdict.dropped for one in row] for row in rows])
@@ -159,15 +152,11 @@ def fields_of(rows: Sequence[Sequence[DguOutput]], lags: Sequence[int], topics: 
     return fields
 
 
-def _at(fields: Mapping[str, NDArray[Any]], position: int) -> dict[str, NDArray[Any]]:
-    return {name: array[:, position] for name, array in fields.items()}
-
-
 def _masks(flags: list[list[Any]]) -> list[list[int]]:
     return [[sum(1 << bit for bit, flag in enumerate(one) if flag) for one in row] for row in flags]
 
 
-def _flags(masks: NDArray[np.uint64], topics: CombinedTopics) -> NDArray[np.bool_]:
+def _flags(masks: NDArray[np.uint64], topics: RunTopics) -> NDArray[np.bool_]:
     """Masks (steps, monitors) as flags (steps, links)."""
     columns = [
         (masks[:, position] >> np.uint64(bit)) & np.uint64(1) > 0

@@ -11,12 +11,11 @@ from numpy.typing import NDArray
 from bags.mcap.container import open_container, readable
 from bags.mcap.errors import BagError
 from bags.mcap.writer import BagWriter
-from bags.runs.origin import attach_origin
 from bags.wire.convert import history_records
 from bags.wire.documents import HistoryCodec
-from bags.wire.records import HistoryRecord
-from bags.wire.schema import run_topics
-from bags.wire.team_topics import GRID, TeamTopics
+from bags.wire.origin import attach_origin
+from bags.wire.records import GRID, HistoryRecord
+from bags.wire.schema import run_topics, topics_of
 from dgu_sim.experiment import run_experiments
 from dgu_sim.grid_experiment import run_grid_experiments
 from dgu_sim.poisoning import poisoned
@@ -100,7 +99,7 @@ def grid_history_of_run(scenario: Scenario) -> list[HistoryRecord]:
 
 def grid_history_codec(scenario: Scenario) -> HistoryCodec:
     """Codec of /grid/history."""
-    return TeamTopics(dgus=scenario.grid.dgus, links=(), sampling_period_ns=scenario.sampling_period_ns).history()
+    return topics_of(scenario).grid_history()
 
 
 def _recorded(path: Path, codec: HistoryCodec, what: str) -> list[HistoryRecord]:

@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from bags.watch.carried import Carried
 from bags.watch.team_record import TeamArrays
 from bags.wire.documents import DesignCodec
-from bags.wire.records import DesignRecord
-from bags.wire.team_topics import GRID, TeamTopics
+from bags.wire.records import GRID, DesignRecord
+from bags.wire.schema import RunTopics
 from dgu_sim.scenario import Scenario
 from dgu_sim.settings import MonitorSettings
 from dgu_sim.signals import first_step
@@ -38,13 +38,13 @@ class RunTeam:
         team: What runs.
     """
 
-    topics: TeamTopics
+    topics: RunTopics
     plan: TeamPlan
     team: Team
 
     def messages(self) -> list[tuple[DesignCodec, DesignRecord]]:
         """What the members say about their design before step 0."""
-        return [(self.topics.design(member), self.record(member)) for member in self.plan.members]
+        return [(self.topics.team_design(member), self.record(member)) for member in self.plan.members]
 
     def record(self, member: int) -> DesignRecord:
         """The design of the team as one member tells it."""
@@ -115,7 +115,7 @@ class RunTeam:
         return next(at for at, one in enumerate(self.topics.links) if (one.source, one.target) == (source, target))
 
 
-def plan_of(scenario: Scenario, topics: TeamTopics) -> TeamPlan:
+def plan_of(scenario: Scenario, topics: RunTopics) -> TeamPlan:
     """What the members are told besides data."""
     team = scenario.monitor.team
     if team is None:
@@ -149,7 +149,7 @@ def plan_of(scenario: Scenario, topics: TeamTopics) -> TeamPlan:
 
 
 def run_team(
-    topics: TeamTopics, settings: MonitorSettings, told: tuple[TeamPlan, History], carried: Carried | None = None
+    topics: RunTopics, settings: MonitorSettings, told: tuple[TeamPlan, History], carried: Carried | None = None
 ) -> RunTeam:
     """The team of a run: as it is carried, or designed from a record of the whole grid.
 
@@ -165,8 +165,8 @@ def run_team(
     plan, history = told
     team = None
     if carried is not None:
-        codec = topics.design(plan.members[0])
-        records = [carried.records.get(topics.design(member).topic.name) for member in plan.members]
+        codec = topics.team_design(plan.members[0])
+        records = [carried.records.get(topics.team_design(member).topic.name) for member in plan.members]
         documents = [record.certificate for record in records if record is not None]
         if len(documents) == len(records):
             team = carried.take(

@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, final
+from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bags.wire.records import AlarmRecord, DesignRecord, HistoryRecord
-from bags.wire.team_topics import TeamTopics
+from bags.wire.schema import RunTopics
 from monitor.link_monitor import MonitorOutput
 from monitor.measures import changed
 from monitor.team import MemberOutput, MemberPhase
@@ -39,7 +39,7 @@ class TeamArrays:
     threshold: NDArray[np.float64]
 
     @classmethod
-    def empty(cls, topics: TeamTopics, steps: int) -> "TeamArrays":
+    def empty(cls, topics: RunTopics, steps: int) -> "TeamArrays":
         """Arrays to be filled."""
         team = len(topics.dgus)
         vectors = {name: np.full((steps, team, _WIDTH * team), np.nan) for name in _VECTORS}
@@ -49,17 +49,6 @@ class TeamArrays:
             alarm=np.zeros((steps, team, team), dtype=np.bool_),
             **vectors,
         )
-
-    def targets(self, topics: TeamTopics) -> dict[str, dict[str, NDArray[Any]]]:
-        """Where the fields of each per-step topic go, by topic."""
-        found: dict[str, dict[str, NDArray[Any]]] = {}
-        for position, dgu in enumerate(topics.announcing):
-            columns = {name: self.inputs[:, position, at] for at, name in enumerate(("load_current", "reference"))}
-            found[topics.inputs(dgu).topic.name] = columns
-        for position, member in enumerate(topics.dgus):
-            fields = ("phase", "alarm", *_VECTORS)
-            found[topics.estimate(member).topic.name] = {name: getattr(self, name)[:, position] for name in fields}
-        return found
 
     def accusation(self, row: int, member: int, accused: int) -> MonitorOutput:
         """Verdict of one member on another at one step, by their positions."""

@@ -4,19 +4,17 @@ Nodes, the offline simulation and the reader all go through these, so their byte
 topic and the constant numbers of its messages; steps become stamps of `step * period_ns` nanoseconds.
 """
 
-from dataclasses import dataclass
-from typing import TYPE_CHECKING, final
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any, final
 
 from bags.mcap.cdr import Layout
-from bags.mcap.topic import Topic
+from bags.mcap.topic import NANOSECONDS_PER_SECOND, Topic
+from bags.wire.forms import NOTHING, width_of
 from bags.wire.records import AlarmRecord
-from dgu_sim.records import Physical, Sample
+from bags.wire.row import Form, Spot
+from dgu_sim.grid import Link
 from monitor.link_monitor import MonitorOutput
-
-if TYPE_CHECKING:
-    from dgu_sim.unit import UnitOutput
-
-NANOSECONDS_PER_SECOND = 1_000_000_000
 
 
 def stamp_of(step: int, period_ns: int) -> tuple[int, int]:
@@ -33,6 +31,11 @@ class ClockCodec:
     layout: Layout
     period_ns: int
 
+    @classmethod
+    def at(cls, spot: Spot) -> "ClockCodec":
+        """The codec of a row at a place."""
+        return cls(topic=spot.topic, layout=spot.layout, period_ns=spot.period_ns)
+
     def encode(self, step: int) -> bytes:
         """Bytes of step k."""
         return self.layout.pack(*stamp_of(step, self.period_ns))
@@ -45,107 +48,68 @@ class ClockCodec:
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
-class TickCodec:
-    """`dcmg_msgs/msg/Tick` on /tick."""
+class StepCodec:
+    """Messages with a header, a step, numbers that never change, and a record.
+
+    Attributes:
+        topic: The topic.
+        layout: Of its messages.
+        period_ns: T_s [ns].
+        place: The link, or twice the DGU.
+        numbers: What never changes, in the order of the message.
+        form: Of the record.
+        links: Number of links into the DGU that listens.
+    """
 
     topic: Topic
     layout: Layout
     period_ns: int
+    place: Link
+    numbers: tuple[int, ...]
+    form: Form
+    links: int
+    _made: Callable[[tuple[Any, ...]], Any] = field(init=False, repr=False, compare=False)
 
-    def encode(self, step: int) -> bytes:
-        """Bytes of step k."""
-        return self.layout.pack(*stamp_of(step, self.period_ns), step)
-
-    def decode(self, data: bytes) -> int:
-        """The step."""
-        _, _, step = self.layout.unpack(data)
-        return int(step)
-
-
-@final
-@dataclass(frozen=True, slots=True, kw_only=True)
-class StateCodec:
-    """`dcmg_msgs/msg/State`: ground truth of one DGU."""
-
-    topic: Topic
-    layout: Layout
-    period_ns: int
-    dgu: int
-
-    def encode(self, step: int, output: "UnitOutput") -> bytes:
-        """Bytes of step k."""
-        return self.layout.pack(
-            *stamp_of(step, self.period_ns),
-            step,
-            self.dgu,
-            *output.x,
-            output.load_current,
-            output.reference,
-            output.alpha,
+    @classmethod
+    def at(cls, spot: Spot) -> "StepCodec":
+        """The codec of a row at a place."""
+        return cls(
+            topic=spot.topic,
+            layout=spot.layout,
+            period_ns=spot.period_ns,
+            place=spot.place,
+            numbers=spot.numbers,
+            form=spot.form or NOTHING,
+            links=len(spot.sources),
         )
 
-    def decode(self, data: bytes) -> tuple[int, Physical]:
-        """Step and what a coupled DGU may know."""
-        _, _, step, _, V, I_t, v, load_current, reference, _ = self.layout.unpack(data)
-        return step, Physical(x=(V, I_t, v), load_current=load_current, reference=reference)
+    def __post_init__(self) -> None:
+        """Look up once what depends on the widths of the run."""
+        object.__setattr__(self, "_made", self.form.made(self.layout, self.links))
 
+    @property
+    def source(self) -> int:
+        """The DGU that the messages are about."""
+        return self.place.source
 
-@final
-@dataclass(frozen=True, slots=True, kw_only=True)
-class OutputCodec:
-    """`dcmg_msgs/msg/Output`: an output as sent or as received."""
+    @property
+    def monitor(self) -> int:
+        """The DGU that hosts who concludes."""
+        return self.place.target
 
-    topic: Topic
-    layout: Layout
-    period_ns: int
-    source: int
-
-    def encode(self, step: int, sample: Sample) -> bytes:
+    def encode(self, step: int, *record: Any) -> bytes:  # noqa: ANN401 - whatever the row's form takes
         """Bytes of step k."""
-        return self.layout.pack(*stamp_of(step, self.period_ns), step, self.source, sample.delivered, *sample.y)
+        return self.layout.pack(*stamp_of(step, self.period_ns), step, *self.numbers, *self.form.flat(*record))
+
+    def decode(self, data: bytes) -> tuple[int, Any]:
+        """Step and record."""
+        found = self.layout.unpack(data)
+        return found[2], self._made(found[3 + len(self.numbers) :])
 
     def claims(self, data: bytes) -> tuple[int, int, bool]:
-        """Step and source that the message claims, and whether it holds a sample."""
+        """Step and source that an output claims, and whether it holds a sample."""
         _, _, step, source, delivered, *_ = self.layout.unpack(data)
         return step, source, delivered
-
-    def decode(self, data: bytes) -> tuple[int, Sample]:
-        """Step and sample."""
-        _, _, step, _, delivered, V, I_t, v = self.layout.unpack(data)
-        return step, Sample(y=(V, I_t, v), delivered=delivered)
-
-
-@final
-@dataclass(frozen=True, slots=True, kw_only=True)
-class ResidualCodec:
-    """`dcmg_msgs/msg/Residual`: what a monitor concludes from one incoming link."""
-
-    topic: Topic
-    layout: Layout
-    period_ns: int
-    source: int
-    monitor: int
-
-    def encode(self, step: int, output: MonitorOutput) -> bytes:
-        """Bytes of step k."""
-        return self.layout.pack(
-            *stamp_of(step, self.period_ns),
-            step,
-            self.source,
-            self.monitor,
-            output.phase,
-            output.alarm,
-            *output.estimate,
-            *output.residual,
-            *output.threshold,
-        )
-
-    def decode(self, data: bytes) -> tuple[int, MonitorOutput]:
-        """Step and verdict."""
-        _, _, step, _, _, phase, alarm, *numbers = self.layout.unpack(data)
-        return step, MonitorOutput(
-            phase=phase, alarm=alarm, estimate=numbers[:3], residual=numbers[3:6], threshold=numbers[6:]
-        )
 
 
 @final
@@ -158,6 +122,11 @@ class AlarmCodec:
     period_ns: int
     monitor: int
 
+    @classmethod
+    def at(cls, spot: Spot) -> "AlarmCodec":
+        """The codec of a row at a place."""
+        return cls(topic=spot.topic, layout=spot.layout, period_ns=spot.period_ns, monitor=spot.place.target)
+
     def encode_record(self, alarm: AlarmRecord) -> bytes:
         """Bytes of an alarm."""
         stamp = stamp_of(alarm.step, self.period_ns)
@@ -166,24 +135,29 @@ class AlarmCodec:
 
     def encode(self, step: int, source: int, output: MonitorOutput) -> bytes:
         """Bytes for a verdict that changed at step k on the link from `source`."""
-        return self.layout.pack(
-            *stamp_of(step, self.period_ns),
-            step,
-            source,
-            self.monitor,
-            output.alarm,
-            *output.residual,
-            *output.threshold,
-        )
+        return self.encode_record(alarm_of(step, source, self.monitor, output))
 
     def decode(self, data: bytes) -> AlarmRecord:
         """The alarm."""
         _, _, step, source, monitor, active, *numbers = self.layout.unpack(data)
+        p = width_of(self.layout, "residual")
         return AlarmRecord(
             step=step,
             source=source,
             monitor=monitor,
             active=active,
-            residual=tuple(numbers[:3]),
-            threshold=tuple(numbers[3:]),
+            residual=tuple(numbers[:p]),
+            threshold=tuple(numbers[p:]),
         )
+
+
+def alarm_of(step: int, source: int, monitor: int, output: MonitorOutput) -> AlarmRecord:
+    """The alarm of a verdict that changed at step k."""
+    return AlarmRecord(
+        step=step,
+        source=source,
+        monitor=monitor,
+        active=bool(output.alarm),
+        residual=tuple(map(float, output.residual)),
+        threshold=tuple(map(float, output.threshold)),
+    )

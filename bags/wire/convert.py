@@ -75,3 +75,9 @@ def design_record(design: Told, source: int, monitor: int) -> DesignRecord:
         verdict=design.verdict,
         certificate=design.document,
     )
+
+
+def announced(inputs: tuple[float, float], told: tuple[bool, bool]) -> tuple[float, float]:
+    """Inputs with NaN for those that are not announced."""
+    load, reference = (value if said else math.nan for value, said in zip(inputs, told, strict=True))
+    return load, reference

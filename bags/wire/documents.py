@@ -10,7 +10,8 @@ import numpy as np
 from bags.mcap.errors import BagError
 from bags.mcap.topic import Topic
 from bags.wire.records import DesignRecord, DiagnosticLevel, HistoryRecord
-from bags.wire.varying import deserialize, header_of, new_message, serialize
+from bags.wire.row import Spot
+from bags.wire.varying import deserialize, fields_of, header_of, new_message, record_of, serialize
 from dgu_sim.grid import Link
 from dgu_sim.relay import Action, Origin, RelayEvent
 from monitor.link_monitor import MonitorOutput
@@ -24,6 +25,11 @@ class AttackEventCodec:
 
     topic: Topic
     period_ns: int
+
+    @classmethod
+    def at(cls, spot: Spot) -> "AttackEventCodec":
+        """The codec of a row at a place."""
+        return cls(topic=spot.topic, period_ns=spot.period_ns)
 
     def encode(self, event: RelayEvent) -> bytes:
         """Bytes of one event."""
@@ -73,6 +79,11 @@ class DiagnosticsCodec:
     period_ns: int
     monitor: int
     sources: tuple[int, ...]
+
+    @classmethod
+    def at(cls, spot: Spot) -> "DiagnosticsCodec":
+        """The codec of a row at a place."""
+        return cls(topic=spot.topic, period_ns=spot.period_ns, monitor=spot.place.target, sources=spot.sources)
 
     def due(self, step: int) -> bool:
         """Whether step k is the first one in a new whole second; step 0 is."""
@@ -129,31 +140,30 @@ class DiagnosticsCodec:
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HistoryCodec:
-    """`dcmg_msgs/msg/History` of one DGU: one message for each offline experiment."""
+    """`dcmg_msgs/msg/History` of one DGU, or of the grid: one message for each offline experiment."""
 
     topic: Topic
     dgu: int
+    frame: str
+
+    @classmethod
+    def at(cls, spot: Spot) -> "HistoryCodec":
+        """The codec of a row at a place."""
+        return cls(topic=spot.topic, dgu=spot.place.source, frame=spot.frame)
 
     def encode(self, record: HistoryRecord) -> bytes:
         """Bytes of one experiment."""
+        tables = {name: getattr(record, name) for name in _HISTORY_COLUMNS}
         return serialize(
             self.topic.type_name,
-            header=header_of(0, 0, f"dgu_{self.dgu}"),
+            header=header_of(0, 0, self.frame),
             dgu=record.dgu,
             experiment=record.experiment,
             experiments=record.experiments,
             sampling_period_sec=record.sampling_period_sec,
             samples=len(record.y),
-            inputs=record.u.shape[1],
-            outputs=record.y.shape[1],
-            states=record.x.shape[1],
-            applied=record.d.shape[1],
-            own=record.w.shape[1],
-            u=np.ascontiguousarray(record.u, dtype=np.float64).ravel(),
-            y=np.ascontiguousarray(record.y, dtype=np.float64).ravel(),
-            x=np.ascontiguousarray(record.x, dtype=np.float64).ravel(),
-            d=np.ascontiguousarray(record.d, dtype=np.float64).ravel(),
-            w=np.ascontiguousarray(record.w, dtype=np.float64).ravel(),
+            **{columns: tables[name].shape[1] for name, columns in _HISTORY_COLUMNS.items()},
+            **{name: np.ascontiguousarray(table, dtype=np.float64).ravel() for name, table in tables.items()},
         )
 
     def decode(self, data: bytes) -> HistoryRecord:
@@ -183,36 +193,25 @@ class HistoryCodec:
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DesignCodec:
-    """`dcmg_msgs/msg/Design` of one link."""
+    """`dcmg_msgs/msg/Design` of one link, of an own state, of an estimator of inputs, or of a team."""
 
     topic: Topic
     source: int
     monitor: int
+    frame: str
+
+    @classmethod
+    def at(cls, spot: Spot) -> "DesignCodec":
+        """The codec of a row at a place."""
+        return cls(topic=spot.topic, source=spot.place.source, monitor=spot.place.target, frame=spot.frame)
 
     def encode(self, record: DesignRecord) -> bytes:
         """Bytes of one design."""
-        return serialize(
-            self.topic.type_name,
-            header=header_of(0, 0, f"dgu_{self.monitor}"),
-            source=record.source,
-            monitor=record.monitor,
-            observer=record.observer,
-            accepted=record.accepted,
-            verdict=record.verdict,
-            certificate=record.certificate,
-        )
+        return serialize(self.topic.type_name, header=header_of(0, 0, self.frame), **fields_of(record))
 
     def decode(self, data: bytes) -> DesignRecord:
         """The design."""
-        message = deserialize(self.topic.type_name, data)
-        return DesignRecord(
-            source=message.source,
-            monitor=message.monitor,
-            observer=message.observer,
-            accepted=message.accepted,
-            verdict=message.verdict,
-            certificate=message.certificate,
-        )
+        return record_of(DesignRecord, deserialize(self.topic.type_name, data))
 
 
 # the constants of AttackEvent.msg

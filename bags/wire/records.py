@@ -13,6 +13,9 @@ from numpy.typing import NDArray
 
 from dgu_sim.grid import Link
 
+GRID = 0
+"""Number of the whole grid where DGUs are numbered from 1."""
+
 
 class DiagnosticLevel(IntEnum):
     """The levels of diagnostic_msgs/DiagnosticStatus."""

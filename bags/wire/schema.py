@@ -1,29 +1,28 @@
-"""Every recorded topic of a run, in canonical order.
-
-The order is the order of the messages of one step in a bag and of the channels in its file: so a run in processes,
-composed, or offline leaves the same messages in the same order. Per-step messages come first, then the events of
-that step; latched messages stand before step 0.
-"""
+"""The topics of a run: the rows of the table at the run's DGUs and links, each with its codec."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field
 from functools import cached_property
-from typing import final
+from typing import TYPE_CHECKING, Any, final
 
 from bags.mcap.cdr import Layout, layout_of
+from bags.mcap.errors import BagError
 from bags.mcap.topic import Topic, TopicKind
-from bags.wire.codecs import AlarmCodec, ClockCodec, OutputCodec, ResidualCodec, StateCodec, TickCodec
-from bags.wire.combined_topics import CombinedTopics, Parts
+from bags.wire import table
+from bags.wire.codecs import AlarmCodec, ClockCodec, StepCodec
 from bags.wire.documents import AttackEventCodec, DesignCodec, DiagnosticsCodec, HistoryCodec
+from bags.wire.row import Codec_co, Need, Over, Row, Spot, Widths, at
 from bags.wire.stream import StreamCodec
-from bags.wire.team_topics import TeamTopics
 from dgu_sim.grid import Link
-from dgu_sim.scenario import Scenario
-from dgu_sim.settings import MonitorSettings
 
-CLOCK_NODE = "clock"
-ATTACKER_NODE = "attacker"
+if TYPE_CHECKING:
+    from dgu_sim.scenario import Scenario
+    from dgu_sim.settings import MonitorSettings
+
+CLOCK_NODE, ATTACKER_NODE = table.CLOCK.publisher, table.RECEIVED.publisher
 SECOND_PUBLISHER = "second_publisher"
+DGU_WIDTHS = Widths(outputs=3, states=3, applied=2)
+"""Of the DGUs that dgu_sim simulates: V, I_t, v; I_net + I_L, V_ref + alpha."""
 
 
 def dgu_name(dgu: int) -> str:
@@ -37,6 +36,20 @@ def monitor_name(dgu: int) -> str:
 
 
 @final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Parts:
+    """What the monitors tell besides their residuals, when several tests draw one conclusion: a verdict always.
+
+    Attributes:
+        local: The own samples and the residual of the own state.
+        inputs: The reconstructed inputs.
+    """
+
+    local: bool
+    inputs: bool
+
+
+@final
 @dataclass(frozen=True, kw_only=True)
 class RunTopics:
     """The topics of a run and their codecs.
@@ -47,30 +60,39 @@ class RunTopics:
         sampling_period_ns: T_s [ns].
         has_team: Whether the monitors estimate the whole grid together.
         parts: What the monitors tell besides their residuals; None: nothing.
+        widths: Of the vectors.
+        rows: The table.
     """
 
     dgus: tuple[int, ...]
     links: tuple[Link, ...]
     sampling_period_ns: int
     has_team: bool = False
-
-    @cached_property
-    def team(self) -> TeamTopics | None:
-        """The topics of the team, if there is one."""
-        if not self.has_team:
-            return None
-        return TeamTopics(dgus=self.dgus, links=self.links, sampling_period_ns=self.sampling_period_ns)
-
     parts: Parts | None = None
+    widths: Widths = DGU_WIDTHS
+    rows: tuple[Row[Any], ...] = field(default_factory=lambda: table.TABLE, repr=False)
 
-    @cached_property
-    def combined(self) -> CombinedTopics | None:
-        """The topics of monitors that draw one conclusion from several tests, if they do."""
-        if self.parts is None:
-            return None
-        return CombinedTopics(
-            links=self.links, monitors=self.monitors, sampling_period_ns=self.sampling_period_ns, parts=self.parts
-        )
+    def has(self, need: Need) -> bool:
+        """Whether the monitors do what a topic needs."""
+        parts = self.parts
+        there = {
+            Need.ALWAYS: True,
+            Need.COMBINED: parts is not None,
+            Need.LOCAL: parts is not None and parts.local,
+            Need.INPUTS: parts is not None and parts.inputs,
+            Need.TEAM: self.has_team,
+        }
+        return there[need]
+
+    @property
+    def team(self) -> "RunTopics | None":
+        """The topics, if there is a team."""
+        return self if self.has_team else None
+
+    @property
+    def combined(self) -> "RunTopics | None":
+        """The topics, if several tests draw one conclusion."""
+        return self if self.parts is not None else None
 
     @property
     def monitors(self) -> tuple[int, ...]:
@@ -82,32 +104,47 @@ class RunTopics:
         return tuple(link.source for link in self.links if link.target == monitor)
 
     @cached_property
+    def announcing(self) -> tuple[int, ...]:
+        """DGUs whose output some member of a team does not hear, ascending: they announce their inputs."""
+        return tuple(dgu for dgu in self.dgus if self.unaware(dgu))
+
+    def hears(self, member: int) -> tuple[int, ...]:
+        """DGUs whose output a member of a team measures, ascending, itself included."""
+        return tuple(sorted({member, *self.sources(member)}))
+
+    def unaware(self, dgu: int) -> tuple[int, ...]:
+        """Members of a team that do not hear a DGU, ascending."""
+        return tuple(member for member in self.dgus if dgu not in self.hears(member))
+
+    def places(self, over: Over) -> tuple[Link, ...]:
+        """The links, or twice each DGU, that a row has a topic for: an axis of its arrays."""
+        dgus = {
+            Over.RUN: self.dgus[:1] or (0,),
+            Over.DGUS: self.dgus,
+            Over.MONITORS: self.monitors,
+            Over.ANNOUNCING: self.announcing,
+        }
+        return self.links if over is Over.LINKS else tuple(Link(dgu, dgu) for dgu in dgus[over])
+
+    @cached_property
+    def present(self) -> tuple[Row[Any], ...]:
+        """The rows that the run has."""
+        return tuple(row for row in self.rows if row.listed and self.has(row.need))
+
+    @cached_property
     def all(self) -> tuple[Topic, ...]:
         """Every recorded topic in canonical order."""
-        events = [self.alarms(dgu).topic for dgu in self.monitors]
-        events += [self.stream(dgu).topic for dgu in self.monitors]
-        events += [self.attack_events().topic, self._diagnostics_topic()]
-        latched = [self.history(dgu).topic for dgu in self.dgus] + [self.design(link).topic for link in self.links]
-        if self.combined is not None:
-            latched += self.combined.latched
-        if self.team is not None:
-            events, latched = [*events, *self.team.events], [*latched, *self.team.latched]
-        return (*self.per_step, *events, *latched)
+        found = {}
+        for row in self.present:
+            for place in self.places(row.over):
+                topic = self.topic(row, place)
+                found[topic.name] = topic
+        return tuple(found.values())
 
     @cached_property
     def per_step(self) -> tuple[Topic, ...]:
         """The topics with exactly one message at every step, in canonical order."""
-        return (
-            self.clock().topic,
-            self.tick().topic,
-            *(self.state(dgu).topic for dgu in self.dgus),
-            *(self.output(dgu).topic for dgu in self.dgus),
-            *(() if self.combined is None else self.combined.sent),
-            *(self.received(link).topic for link in self.links),
-            *(self.residual(link).topic for link in self.links),
-            *(() if self.combined is None else self.combined.concluded),
-            *(() if self.team is None else self.team.per_step),
-        )
+        return tuple(topic for topic in self.all if topic.kind is TopicKind.PER_STEP)
 
     @cached_property
     def heard(self) -> tuple[Topic, ...]:
@@ -122,112 +159,138 @@ class RunTopics:
         """Stamp of step k [ns]."""
         return step * self.sampling_period_ns
 
+    @cached_property
+    def _topics(self) -> dict[tuple[str, Link], Topic]:
+        return {}
+
+    def topic(self, row: Row[Any], place: Link) -> Topic:
+        """The topic of a row at a place."""
+        if (row.key, place) not in self._topics:
+            name = at(row.name, place)
+            shared = [other for other in self.places(row.over) if at(row.name, other) == name] or [place]
+            self._topics[row.key, place] = Topic(
+                name=name,
+                type_name=row.type_name,
+                publishers=tuple(dict.fromkeys(at(row.publisher, other) for other in shared)),
+                kind=row.kind,
+                layout=self._layout(row, place),
+            )
+        return self._topics[row.key, place]
+
+    def _layout(self, row: Row[Any], place: Link) -> Layout | None:
+        sequences = tuple((name, int(getattr(self.widths, width))) for name, width in row.sequences.items())
+        try:
+            return layout_of(row.type_name, at(row.frame, place), sequences)
+        except BagError:
+            return None  # its messages vary in length
+
+    def codec(self, row: Row[Codec_co], place: Link | int) -> Codec_co:
+        """The codec of a row at a link or DGU."""
+        place = Link(place, place) if isinstance(place, int) else place
+        numbers = {"i": place.source, "j": place.target}
+        return row.codec(
+            Spot(
+                topic=self.topic(row, place),
+                period_ns=self.sampling_period_ns,
+                place=place,
+                frame=at(row.frame, place),
+                numbers=tuple(numbers[one] for one in row.numbers.values()),
+                sources=self.sources(place.target),
+                form=row.form,
+            )
+        )
+
     def clock(self) -> ClockCodec:
         """Simulated time on /clock."""
-        topic, layout = _fixed("/clock", "rosgraph_msgs/msg/Clock", CLOCK_NODE)
-        return ClockCodec(topic=topic, layout=layout, period_ns=self.sampling_period_ns)
+        return self.codec(table.CLOCK, 0)
 
-    def tick(self) -> TickCodec:
+    def tick(self) -> StepCodec:
         """Step release on /tick."""
-        topic, layout = _fixed("/tick", "dcmg_msgs/msg/Tick", CLOCK_NODE)
-        return TickCodec(topic=topic, layout=layout, period_ns=self.sampling_period_ns)
+        return self.codec(table.TICK, 0)
 
-    def state(self, dgu: int) -> StateCodec:
+    def state(self, dgu: int) -> StepCodec:
         """Ground truth of a DGU."""
-        topic, layout = _fixed(f"/dgu_{dgu}/state", "dcmg_msgs/msg/State", dgu_name(dgu), dgu_name(dgu))
-        return StateCodec(topic=topic, layout=layout, period_ns=self.sampling_period_ns, dgu=dgu)
+        return self.codec(table.STATE, dgu)
 
-    def output(self, dgu: int) -> OutputCodec:
+    def output(self, dgu: int) -> StepCodec:
         """Output of a DGU as sent."""
-        topic, layout = _fixed(f"/dgu_{dgu}/output", "dcmg_msgs/msg/Output", dgu_name(dgu), dgu_name(dgu))
-        return OutputCodec(topic=topic, layout=layout, period_ns=self.sampling_period_ns, source=dgu)
+        return self.codec(table.OUTPUT, dgu)
 
-    def received(self, link: Link) -> OutputCodec:
+    def own(self, dgu: int) -> StepCodec:
+        """What a DGU itself measures and decides."""
+        return self.codec(table.OWN, dgu)
+
+    def received(self, link: Link) -> StepCodec:
         """Output of a DGU as received over a link."""
-        name = f"/dgu_{link.target}/received/dgu_{link.source}"
-        topic, layout = _fixed(name, "dcmg_msgs/msg/Output", ATTACKER_NODE, dgu_name(link.source))
-        return OutputCodec(topic=topic, layout=layout, period_ns=self.sampling_period_ns, source=link.source)
+        return self.codec(table.RECEIVED, link)
 
-    def second(self, link: Link) -> OutputCodec:
+    def second(self, link: Link) -> StepCodec:
         """What another publisher sent on the topic of `received(link)`, kept beside it in a bag.
 
         On the wire these messages are on `/dgu_j/received/dgu_i` like all others; a bag does not tell publishers
         apart, so it has a topic for them, announced with the first one.
         """
-        received = self.received(link)
-        topic = replace(received.topic, name=f"{received.topic.name}/{SECOND_PUBLISHER}", kind=TopicKind.EVENT)
-        return replace(received, topic=topic)
+        return self.codec(table.SECOND, link)
 
-    def residual(self, link: Link) -> ResidualCodec:
-        """What the monitor on the link's target concludes."""
-        name = f"/dgu_{link.target}/residual/dgu_{link.source}"
-        topic, layout = _fixed(name, "dcmg_msgs/msg/Residual", monitor_name(link.target), dgu_name(link.target))
-        return ResidualCodec(
-            topic=topic,
-            layout=layout,
-            period_ns=self.sampling_period_ns,
-            source=link.source,
-            monitor=link.target,
-        )
+    def residual(self, of: Link | int) -> StepCodec:
+        """What the monitor on a link's target concludes; of a DGU: what it concludes from the own state."""
+        return self.codec(table.RESIDUAL if isinstance(of, Link) else table.OWN_RESIDUAL, of)
+
+    def input(self, link: Link) -> StepCodec:
+        """What must have acted on the source of a link."""
+        return self.codec(table.INPUT, link)
+
+    def verdict(self, monitor: int) -> StepCodec:
+        """Which links into a DGU lie."""
+        return self.codec(table.VERDICT, monitor)
+
+    def announced(self, dgu: int) -> StepCodec:
+        """Inputs of a DGU, for the members of a team that do not hear it."""
+        return self.codec(table.ANNOUNCED, dgu)
+
+    def estimate(self, member: int) -> StepCodec:
+        """What a member of a team tells."""
+        return self.codec(table.ESTIMATE, member)
 
     def alarms(self, monitor: int) -> AlarmCodec:
         """Starting and ending alarms of a monitor."""
-        topic, layout = _fixed(
-            f"/dgu_{monitor}/alarms",
-            "dcmg_msgs/msg/Alarm",
-            monitor_name(monitor),
-            dgu_name(monitor),
-            kind=TopicKind.EVENT,
-        )
-        return AlarmCodec(topic=topic, layout=layout, period_ns=self.sampling_period_ns, monitor=monitor)
+        return self.codec(table.ALARMS, monitor)
+
+    def accusations(self, member: int) -> AlarmCodec:
+        """Whom a member of a team accuses: the source of these alarms is another member."""
+        return self.codec(table.ACCUSATIONS, member)
 
     def stream(self, monitor: int) -> StreamCodec:
         """Appearing and ending faults of the streams into a DGU."""
-        topic = Topic(
-            name=f"/dgu_{monitor}/stream",
-            type_name="dcmg_msgs/msg/StreamEvent",
-            publishers=(monitor_name(monitor),),
-            kind=TopicKind.EVENT,
-        )
-        return StreamCodec(topic=topic, period_ns=self.sampling_period_ns, monitor=monitor)
+        return self.codec(table.STREAM, monitor)
 
     def attack_events(self) -> AttackEventCodec:
         """Starting and ending attacks."""
-        topic = Topic(
-            name="/attacks/events",
-            type_name="dcmg_msgs/msg/AttackEvent",
-            publishers=(ATTACKER_NODE,),
-            kind=TopicKind.EVENT,
-        )
-        return AttackEventCodec(topic=topic, period_ns=self.sampling_period_ns)
+        return self.codec(table.ATTACKS, 0)
 
     def diagnostics(self, monitor: int) -> DiagnosticsCodec:
         """Health of a monitor's links, once per simulated second."""
-        return DiagnosticsCodec(
-            topic=self._diagnostics_topic(),
-            period_ns=self.sampling_period_ns,
-            monitor=monitor,
-            sources=self.sources(monitor),
-        )
+        return self.codec(table.DIAGNOSTICS, monitor)
 
     def history(self, dgu: int) -> HistoryCodec:
         """Offline experiments of a DGU."""
-        topic = _latched(f"/dgu_{dgu}/history", "dcmg_msgs/msg/History", dgu_name(dgu))
-        return HistoryCodec(topic=topic, dgu=dgu)
+        return self.codec(table.HISTORY, dgu)
 
-    def design(self, link: Link) -> DesignCodec:
-        """Observer designed for a link."""
-        name = f"/dgu_{link.target}/design/dgu_{link.source}"
-        topic = _latched(name, "dcmg_msgs/msg/Design", monitor_name(link.target))
-        return DesignCodec(topic=topic, source=link.source, monitor=link.target)
+    def grid_history(self) -> HistoryCodec:
+        """The experiment on the whole grid; the DGU with the smallest number publishes it."""
+        return self.codec(table.GRID_HISTORY, self.places(Over.RUN)[0])
 
-    def _diagnostics_topic(self) -> Topic:
-        return Topic(
-            name="/diagnostics",
-            type_name="diagnostic_msgs/msg/DiagnosticArray",
-            publishers=tuple(monitor_name(dgu) for dgu in self.monitors),
-            kind=TopicKind.EVENT,
-        )
+    def design(self, of: Link | int) -> DesignCodec:
+        """Observer designed for a link, or for the own state of a DGU."""
+        return self.codec(table.DESIGN if isinstance(of, Link) else table.OWN_DESIGN, of)
+
+    def input_design(self, link: Link) -> DesignCodec:
+        """Input estimator of a link."""
+        return self.codec(table.INPUT_DESIGN, link)
+
+    def team_design(self, member: int) -> DesignCodec:
+        """The design of a team as a member found it."""
+        return self.codec(table.TEAM_DESIGN, member)
 
 
 def run_topics(
@@ -237,6 +300,7 @@ def run_topics(
     *,
     team: bool = False,
     parts: Parts | None = None,
+    widths: Widths = DGU_WIDTHS,
 ) -> RunTopics:
     """The topics of a run; DGUs and links are put into canonical order."""
     return RunTopics(
@@ -245,27 +309,17 @@ def run_topics(
         sampling_period_ns=sampling_period_ns,
         has_team=team,
         parts=parts,
+        widths=widths._replace(members=len(dgus)),
     )
 
 
-def topics_of(scenario: Scenario) -> RunTopics:
+def topics_of(scenario: "Scenario") -> RunTopics:
     """The topics of a scenario's run."""
     team, parts = scenario.monitor.team is not None, parts_of(scenario.monitor)
     return run_topics(scenario.grid.dgus, scenario.links, scenario.sampling_period_ns, team=team, parts=parts)
 
 
-def parts_of(settings: MonitorSettings) -> Parts | None:
+def parts_of(settings: "MonitorSettings") -> Parts | None:
     """What monitors tell besides their residuals; None: nothing."""
     parts = Parts(local=settings.local is not None, inputs=settings.plausibility is not None)
     return parts if settings.combined else None
-
-
-def _fixed(
-    name: str, type_name: str, node: str, frame_id: str = "", kind: TopicKind = TopicKind.PER_STEP
-) -> tuple[Topic, Layout]:
-    layout = layout_of(type_name, frame_id)
-    return Topic(name=name, type_name=type_name, publishers=(node,), kind=kind, layout=layout), layout
-
-
-def _latched(name: str, type_name: str, node: str) -> Topic:
-    return Topic(name=name, type_name=type_name, publishers=(node,), kind=TopicKind.LATCHED)

@@ -8,20 +8,10 @@ from numpy.typing import NDArray
 
 from bags.mcap.yaml_text import load
 from bags.wire.records import SecondRecord
-from bags.wire.schema import RunTopics
 from dgu_sim.attacks import KINDS
 from dgu_sim.grid import Link
 from dgu_sim.relay import Action, RelayEvent
 from dgu_sim.settings import Accept
-
-
-def second_record(topics: RunTopics, link: Link, data: bytes) -> SecondRecord | None:
-    """The record of one message; None for bytes that none of our nodes sent: anybody may publish."""
-    codec = topics.second(link)
-    if len(data) != codec.layout.size:
-        return None
-    step, sample = codec.decode(data)
-    return SecondRecord(step=step, link=link, y=tuple(map(float, sample.y)), delivered=bool(sample.delivered))
 
 
 def take_newest(

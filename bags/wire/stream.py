@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from bags.mcap.errors import BagError
 from bags.mcap.topic import Topic
-from bags.wire.codecs import OutputCodec
+from bags.wire.codecs import StepCodec
 from bags.wire.records import StreamRecord
-from bags.wire.varying import deserialize, header_of, serialize
+from bags.wire.row import Spot
+from bags.wire.varying import deserialize, fields_of, header_of, record_of, serialize
 from dgu_sim.grid import Link
 from monitor.stream_guard import Arrival, Faults, StreamChange, StreamFault, StreamGuard
 
@@ -24,12 +25,16 @@ class StreamCodec:
     topic: Topic
     period_ns: int
     monitor: int
+    frame: str
+
+    @classmethod
+    def at(cls, spot: Spot) -> "StreamCodec":
+        """The codec of a row at a place."""
+        return cls(topic=spot.topic, period_ns=spot.period_ns, monitor=spot.place.target, frame=spot.frame)
 
     def encode(self, step: int, source: int, change: StreamChange) -> bytes:
         """Bytes of a fault that appears or is over at step k on the link from `source`."""
-        return serialize(
-            self.topic.type_name,
-            header=header_of(step, self.period_ns, f"dgu_{self.monitor}"),
+        record = StreamRecord(
             step=step,
             source=source,
             monitor=self.monitor,
@@ -37,6 +42,8 @@ class StreamCodec:
             active=change.active,
             detail=change.detail,
         )
+        header = header_of(step, self.period_ns, self.frame)
+        return serialize(self.topic.type_name, header=header, **fields_of(record))
 
     def decode(self, data: bytes) -> StreamRecord:
         """The record.
@@ -47,14 +54,7 @@ class StreamCodec:
         message = deserialize(self.topic.type_name, data)
         if message.kind not in set(StreamFault):
             raise BagError(f"{self.topic.name}: kind {message.kind!r}, expected one of {', '.join(StreamFault)}")
-        return StreamRecord(
-            step=message.step,
-            source=message.source,
-            monitor=message.monitor,
-            kind=message.kind,
-            active=message.active,
-            detail=message.detail,
-        )
+        return record_of(StreamRecord, message)
 
 
 def lies(faults: Faults) -> bool:
@@ -86,7 +86,7 @@ class Spoofed:
         return found
 
 
-def arrival_of(codec: OutputCodec, data: bytes, *, known: bool) -> Arrival:
+def arrival_of(codec: StepCodec, data: bytes, *, known: bool) -> Arrival:
     """What the guard of a stream is told of one message; one that is no output claims step 0 of DGU 0."""
     try:
         if len(data) == codec.layout.size:
@@ -97,7 +97,7 @@ def arrival_of(codec: OutputCodec, data: bytes, *, known: bool) -> Arrival:
     return Arrival(message.step, message.source, message.delivered, known)
 
 
-def claimed_step(codec: OutputCodec, data: bytes) -> int:
+def claimed_step(codec: StepCodec, data: bytes) -> int:
     """The step that a message claims to be of."""
     return arrival_of(codec, data, known=False).step
 

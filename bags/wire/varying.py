@@ -1,10 +1,16 @@
 """What the codecs of messages of varying length share: rosbags' serialiser, the padding of RTPS, headers."""
 
-from typing import Any, cast
+from dataclasses import fields
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 from bags.mcap.errors import BagError
 from bags.mcap.typestore import typestore
 from bags.wire.codecs import stamp_of
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+_Record = TypeVar("_Record", bound="DataclassInstance")
 
 # RTPS pads a payload to whole words on its way between processes: padded from the start it is the same everywhere
 _RTPS_ALIGNMENT = 4
@@ -38,3 +44,13 @@ def deserialize(type_name: str, data: bytes) -> Any:  # noqa: ANN401 - rosbags m
         return typestore().deserialize_cdr(data, type_name)
     except Exception as error:  # rosbags raises whatever the damaged bytes lead to
         raise BagError(f"{type_name}: found {len(data)} bytes that cannot be decoded ({error})") from error
+
+
+def fields_of(record: "DataclassInstance") -> dict[str, Any]:
+    """The fields of a record that has those of its message."""
+    return {one.name: getattr(record, one.name) for one in fields(record)}
+
+
+def record_of(kind: type[_Record], message: object) -> _Record:
+    """The record that has the fields of a message."""
+    return kind(**{one.name: getattr(message, one.name) for one in fields(kind)})

@@ -40,7 +40,7 @@ def simulate(
         exclude=bag_exclude,
     )
     from bags.runs.offline import simulate_to_bag  # noqa: PLC0415 (heavy)
-    from bags.runs.origin import host_facts  # noqa: PLC0415 (heavy)
+    from bags.wire.origin import host_facts  # noqa: PLC0415 (heavy)
     from dcmg.commands.checking import check_monitors  # noqa: PLC0415 (heavy)
     from dcmg.commands.showing import is_partial, messages, show  # noqa: PLC0415 (heavy)
     from dcmg.live import LiveDisplay  # noqa: PLC0415 (heavy)

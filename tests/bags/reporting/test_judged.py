@@ -21,6 +21,7 @@ from bags.runs.offline import simulate_to_bag
 from bags.runs.reader import read_run
 from bags.runs.replay import replay
 from bags.runs.run_record import RunRecord
+from bags.wire.arrays import grouped
 from dgu_sim.grid import Link
 from dgu_sim.relay import Action, Origin, RelayEvent
 from dgu_sim.scenario import Scenario, parse_scenario
@@ -96,12 +97,8 @@ def test_attack_that_ends_on_its_own_and_one_that_does_not(record: RunRecord) ->
 
 def test_interrupted_run(scenario: Scenario, record: RunRecord) -> None:
     """Of a run that ended before its attacks, each says that it never began."""
-    names = ["x", "load_current", "reference", "alpha", "y", "received", "delivered"]
-    names += ["phase", "alarm", "estimate", "residual", "threshold"]
     for steps in (0, 60):
-        cut = replace(
-            record, steps=steps, events=(), alarms=(), **{name: getattr(record, name)[:steps] for name in names}
-        )
+        cut = replace(record.rows(0, steps), events=(), alarms=())
         found = _document(cut)
         assert [(one["began"], one["seen"]) for one in found["attacks"]] == [(False, None)] * len(scenario.attacks)
         assert [one["from_sec"] for one in found["attacks"]] == [1.0, 2.0]
@@ -109,7 +106,8 @@ def test_interrupted_run(scenario: Scenario, record: RunRecord) -> None:
 
 def test_alarms_on_an_imported_stream_are_not_called_false(record: RunRecord) -> None:
     """Where nobody says what was attacked, an alarm is an alarm."""
-    foreign = replace(record, x=np.full_like(record.x, np.nan), attachments={}, events=())
+    unseen = record.with_arrays({"state.x": np.full_like(record.x, np.nan)})
+    foreign = replace(unseen, attachments={}, events=())
     found = _document(foreign)
     assert not found["labelled"]
     assert not found["attacks"]
@@ -122,14 +120,9 @@ def test_unmonitored_link(record: RunRecord) -> None:
     link = record.links[2]
     refused = replace(record.designs[link], accepted=False, verdict="refused: no data")
     nothing = np.full_like(record.residual, np.nan)
-    silent = replace(
-        record,
-        designs={**record.designs, link: refused},
-        residual=nothing,
-        threshold=nothing,
-        phase=np.zeros_like(record.phase),
-        alarm=np.zeros_like(record.alarm),
-    )
+    said: dict[str, Any] = {"residual": nothing, "threshold": nothing}
+    said |= {"phase": 0 * record.phase, "alarm": record.alarm & False}
+    silent = replace(record.with_arrays(grouped("residual", said)), designs={**record.designs, link: refused})
     found = _document(silent)
     row = found["links"][2]
     assert (row["monitored"], row["verdict"], row["quiet_score"]) == (False, "refused: no data", None)
@@ -176,7 +169,11 @@ def test_rows_say_what_the_alarms_say(record: RunRecord, data: st.DataObject) ->
         if stop < 240:
             events.append(_event(stop, number, record.links[position], Action.STOP))
         expected.append((start, ended, late, str(record.links[position]), stop < 240))
-    told = replace(record, alarm=alarm, attachments={}, events=tuple(sorted(events, key=lambda one: one.step)))
+    told = replace(
+        record.with_arrays({"residual.alarm": alarm}),
+        attachments={},
+        events=tuple(sorted(events, key=lambda one: one.step)),
+    )
     found = _judged(told)
     assert [
         (

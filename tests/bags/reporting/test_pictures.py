@@ -30,8 +30,7 @@ def test_two_pictures(record: RunRecord, tmp_path: Path) -> None:
 
 def test_nothing_to_draw(record: RunRecord, tmp_path: Path) -> None:
     """A run without a complete step has no pictures and makes no folder."""
-    names = ["x", "alpha", "reference", "alarm", "phase", "residual", "threshold", "estimate", "delivered"]
-    empty = replace(record, steps=0, **{name: getattr(record, name)[:0] for name in names})
+    empty = record.rows(0, 0)
     timeline = gather([empty], 0)
     assert draw(timeline, judge(timeline), tmp_path / "plots") == ()
     assert not (tmp_path / "plots").exists()

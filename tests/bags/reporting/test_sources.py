@@ -12,8 +12,10 @@ from bags.reporting.page import page
 from bags.reporting.timeline import gather
 from bags.reporting.unanswered import unanswered
 from bags.runs.run_record import RunRecord
-from bags.watch.combined_arrays import CombinedArrays, VerdictArrays
+from bags.wire.arrays import grouped
+from bags.wire.forms import MASKS
 from bags.wire.records import StreamRecord
+from bags.wire.schema import Parts
 from dgu_sim.relay import Origin
 from dgu_sim.scenario import Scenario, parse_scenario
 
@@ -22,23 +24,17 @@ OPTIONS = ReportOptions(block_sec=0.05)
 
 def _rows(record: RunRecord, first: int, end: int) -> RunRecord:
     """A window of a run."""
-    names = ["x", "load_current", "reference", "alpha", "y", "received", "delivered"]
-    names += ["phase", "alarm", "estimate", "residual", "threshold"]
-    cut = {name: getattr(record, name)[first:end] for name in names}
     streams = tuple(one for one in record.streams if first <= one.step < end)
-    return replace(record, steps=end - first, first_step=first, streams=streams, **cut)
+    return replace(record.rows(first, end), streams=streams)
 
 
 def _with_verdict(record: RunRecord) -> RunRecord:
     """The run with verdicts: link 1-2 is accused while it is attacked, and left out from then on for a second."""
-    nothing = np.zeros_like(record.alarm)
-    accused, dropped = nothing.copy(), nothing.copy()
-    accused[103:150, 2] = True
-    dropped[103:250, 2] = True
-    by = dict.fromkeys(("by_residual", "by_plausibility", "by_stream", "by_local", "suspected"), nothing)
-    own = np.zeros((record.steps, 3), dtype=np.bool_)
-    verdict = VerdictArrays(accused=accused, dropped=dropped, local=own, **by)
-    return replace(record, combined=CombinedArrays(verdict=verdict, local=None, inputs=None))
+    verdict = {name: np.zeros((record.steps, 3), dtype=np.uint64) for name in MASKS}
+    verdict["accused"][103:150, 1] = verdict["dropped"][103:250, 1] = 1  # monitor 2, its only link
+    local = np.zeros((record.steps, 3), dtype=np.bool_)
+    topics = replace(record.topics, parts=Parts(local=False, inputs=False))
+    return replace(record, topics=topics).with_arrays(grouped("verdict", {**verdict, "local": local}))
 
 
 def test_fault_of_a_stream_accuses_until_it_is_over(record: RunRecord) -> None:
@@ -56,7 +52,7 @@ def test_fault_of_a_stream_accuses_until_it_is_over(record: RunRecord) -> None:
 def test_sources_that_never_alarmed_are_left_out(record: RunRecord) -> None:
     """A run without losses and spoofing has one source; samples that were lost are another."""
     assert list(gather([record], record.steps, OPTIONS).alarms) == ["residual"]
-    lossy = replace(record, delivered=record.delivered & (np.arange(record.steps) != 7)[:, None])
+    lossy = record.with_arrays({"received.delivered": record.delivered & (np.arange(record.steps) != 7)[:, None]})
     assert list(gather([lossy], record.steps, OPTIONS).alarms) == ["residual", "missing"]
 
 

@@ -56,11 +56,9 @@ def test_report_and_table_say_the_same(record: RunRecord) -> None:
 
 def test_estimates_are_compared_with_the_state_that_they_are_of(record: RunRecord) -> None:
     """Without noise in the state the error of an estimate that lags by two steps is that of the state two steps ago."""
+    late = [np.roll(record.x[:, record.topics.dgus.index(link.source)], 2, axis=0) for link in record.links]
     lagging = replace(
-        record,
-        estimate=np.stack(
-            [np.roll(record.x[:, record.topics.dgus.index(link.source)], 2, axis=0) for link in record.links], axis=1
-        ),
+        record.with_arrays({"residual.estimate": np.stack(late, axis=1)}),
         designs={link: replace(one, certificate='{"lag": 2}') for link, one in record.designs.items()},
     )
     sums = gather([lagging], record.steps, OPTIONS).clear_errors[Link(2, 1)]
@@ -70,7 +68,7 @@ def test_estimates_are_compared_with_the_state_that_they_are_of(record: RunRecor
 
 def test_a_run_without_truth_is_measured_as_far_as_it_can_be(record: RunRecord) -> None:
     """Imported streams have no states: impact and errors are left out, alarms are still counted."""
-    blind = replace(record, x=np.full_like(record.x, np.nan), attachments={}, designs={})
+    blind = replace(record.with_arrays({"state.x": np.full_like(record.x, np.nan)}), attachments={}, designs={})
     timeline = gather([blind], record.steps, OPTIONS)
     found = assess(timeline, OPTIONS)
     assert (timeline.truth, timeline.impact) == (False, None)

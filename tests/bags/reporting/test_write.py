@@ -4,6 +4,7 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from bags.mcap.errors import BagError
 from bags.reporting.options import ReportOptions
 from bags.reporting.write import Report, write_report
 from bags.runs.run_record import RunRecord
+from bags.wire.arrays import grouped
 from dgu_sim.grid import Link
 
 
@@ -59,14 +61,10 @@ def test_document_is_plain_json(report: Report) -> None:
 def test_sparse_runs_have_a_report_too(record: RunRecord, tmp_path: Path) -> None:
     """No truth, no scenario, no design, no residual, or not a single step: the report says so instead of failing."""
     nothing = np.full_like(record.residual, np.nan)
+    said: dict[str, Any] = dict.fromkeys(("residual", "threshold", "estimate"), nothing)
+    said |= {"phase": 0 * record.phase, "alarm": record.alarm & False}
     foreign = replace(
-        record,
-        x=np.full_like(record.x, np.nan),
-        residual=nothing,
-        threshold=nothing,
-        estimate=nothing,
-        alarm=np.zeros_like(record.alarm),
-        phase=np.zeros_like(record.phase),
+        record.with_arrays({"state.x": np.full_like(record.x, np.nan), **grouped("residual", said)}),
         attachments={},
         designs={Link(1, 2): replace(record.designs[Link(1, 2)], accepted=False, verdict="refused: no data")},
         events=(),
@@ -77,9 +75,7 @@ def test_sparse_runs_have_a_report_too(record: RunRecord, tmp_path: Path) -> Non
     assert "No attack in this run" not in text
     assert "accused without attack" not in text
     assert "refused: no data" in text
-    names = ["x", "load_current", "reference", "alpha", "y", "received", "delivered"]
-    names += ["phase", "alarm", "estimate", "residual", "threshold"]
-    empty = replace(record, steps=0, events=(), alarms=(), **{name: getattr(record, name)[:0] for name in names})
+    empty = replace(record.rows(0, 0), events=(), alarms=())
     made = write_report([empty], 0, tmp_path / "b", ReportOptions())
     assert json.loads(made.json.read_text(encoding="utf-8"))["steps"] == 0
 

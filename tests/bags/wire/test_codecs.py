@@ -16,7 +16,7 @@ VERDICT = MonitorOutput(3, True, (48.0, 9.0, 11.0), (0.1, math.nan, -0.0), (1e-6
 def test_clock_and_tick(topics: RunTopics) -> None:
     """Simulated time comes back in nanoseconds, the tick as its step."""
     assert topics.clock().decode(topics.clock().encode(STEP)) == 123_450_000_000
-    assert topics.tick().decode(topics.tick().encode(STEP)) == STEP
+    assert topics.tick().decode(topics.tick().encode(STEP)) == (STEP, ())
 
 
 def test_state_gives_neighbours_what_they_may_know(topics: RunTopics) -> None:

@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 
 from rich.console import Console
 
-from bags.runs.origin import SCENARIO_ATTACHMENT
 from bags.runs.playback import Playback, Selection, open_playback
 from bags.runs.replay_settings import history_messages, replayed_scenario
+from bags.wire.origin import SCENARIO_ATTACHMENT
 from bags.wire.schema import monitor_name
 from dcmg.errors import CommandError
 from dcmg_bringup.domain import choose_domain

@@ -134,7 +134,7 @@ def _silence_sec(scenario: Scenario, options: NodeOptions) -> float:
 def _follow(wiring: Wiring, group: ProcessGroup, silence_sec: float, bag: Path, display: Display) -> RunOutcome:
     from dcmg_nodes.view_node import ViewNode  # noqa: PLC0415 (needs the ROS environment of this run)
 
-    accusations = {topic.name for topic in (wiring.topics.team.events if wiring.topics.team else ())}
+    accusations = {wiring.topics.accusations(dgu).topic.name for dgu in wiring.topics.dgus}
 
     def on_alarm(topic: str, alarm: Alarm) -> None:
         if alarm.active:

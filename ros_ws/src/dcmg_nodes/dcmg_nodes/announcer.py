@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from bags.wire.team_topics import announced
+from bags.wire.convert import announced
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from bags.wire.records import HistoryRecord
-    from bags.wire.team_topics import TeamTopics
+    from bags.wire.schema import RunTopics
     from dcmg_nodes.ports import Ports
     from dgu_sim.unit import UnitOutput
     from monitor.team import TeamPlan
@@ -19,14 +19,14 @@ if TYPE_CHECKING:
 class Announcer:
     """Tells members of the team that do not hear a DGU what acts on it."""
 
-    def __init__(self, ports: Ports, topics: TeamTopics, dgu: int, plan: TeamPlan) -> None:
+    def __init__(self, ports: Ports, topics: RunTopics, dgu: int, plan: TeamPlan) -> None:
         """Tell nothing yet."""
         self._ports, self._topics, self._plan = ports, topics, plan
-        self._codec = topics.inputs(dgu) if dgu in topics.announcing else None
+        self._codec = topics.announced(dgu) if dgu in topics.announcing else None
 
     def publish_history(self, records: Sequence[HistoryRecord]) -> None:
         """Publish the experiment on the whole grid, if this DGU is the one that does."""
-        codec = self._topics.history()
+        codec = self._topics.grid_history()
         for record in records:
             self._ports.publish(codec.topic.name, codec.encode(record))
 

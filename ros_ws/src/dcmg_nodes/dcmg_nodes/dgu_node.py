@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import partial
 from typing import TYPE_CHECKING
 
+from bags.wire.row import Need
 from bags.wire.schema import dgu_name
 from bags.wire.stream import claimed_step
 from dcmg_nodes.announcer import Announcer
@@ -59,7 +60,7 @@ class DguNode:
         inputs = [topics.tick().topic, *(codec.topic for codec in self._physical)]
         names = [topic.name for topic in inputs] + [codec.topic.name for codec in self._received]
         combined = topics.combined if links else None
-        self._own = combined.own(unit.dgu) if combined is not None and combined.parts.local else None
+        self._own = combined.own(unit.dgu) if combined is not None and topics.has(Need.LOCAL) else None
         self._verdict = combined.verdict(unit.dgu) if combined is not None and wiring.responds else None
         if self._verdict is not None:
             names.append(self._verdict.topic.name)

@@ -11,10 +11,10 @@ import rclpy
 from rclpy.signals import SignalHandlerOptions
 
 from bags.mcap.writer import open_recording
-from bags.runs.origin import attach_origin, host_facts
 from bags.watch.carried import read_carried
 from bags.watch.designs import Told
 from bags.watch.histories import grid_history_of_run, histories_of_run, recorded_states
+from bags.wire.origin import attach_origin, host_facts
 from bags.wire.schema import ATTACKER_NODE, CLOCK_NODE, dgu_name, monitor_name
 from dcmg_nodes.attacker_node import AttackerNode
 from dcmg_nodes.clock_node import ClockConfig, ClockNode

@@ -10,7 +10,7 @@ from monitor.stream_guard import StreamGuard
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from bags.wire.codecs import OutputCodec
+    from bags.wire.codecs import StepCodec
     from dcmg_nodes.intake import Others
     from monitor.stream_guard import Faults, StreamChange
 
@@ -22,7 +22,7 @@ class StreamWatch:
         codecs: of the received outputs.
     """
 
-    def __init__(self, codecs: Sequence[OutputCodec]) -> None:
+    def __init__(self, codecs: Sequence[StepCodec]) -> None:
         """Start without a fault."""
         self._codecs = codecs
         self._guards = [StreamGuard(codec.source) for codec in codecs]

@@ -15,9 +15,9 @@ if TYPE_CHECKING:
 
     from bags.mcap.topic import Topic
     from bags.watch.designs import Told
-    from bags.wire.codecs import OutputCodec
+    from bags.wire.codecs import StepCodec
     from bags.wire.records import HistoryRecord
-    from bags.wire.team_topics import TeamTopics
+    from bags.wire.schema import RunTopics
     from dcmg_nodes.ports import Ports
     from monitor.team import Member, MemberOutput, MemberState, TeamPlan
 
@@ -28,8 +28,8 @@ class TeamSide:
     def __init__(
         self,
         ports: Ports,
-        own: OutputCodec,
-        topics: TeamTopics,
+        own: StepCodec,
+        topics: RunTopics,
         told: tuple[TeamPlan, Told],
         finished: Callable[[], None],
     ) -> None:
@@ -38,10 +38,10 @@ class TeamSide:
         plan, self._told = told
         self._ports, self._plan, self._dgu, self._finished, self._topics = ports, plan, dgu, finished, topics
         self._own, self._heard = own, plan.heard[dgu]
-        self._inputs = [topics.inputs(other) for other in plan.unheard(dgu)]
+        self._inputs = [topics.announced(other) for other in plan.unheard(dgu)]
         self._estimates = [topics.estimate(other) for other in plan.neighbours(dgu)]
-        self._history, self._design = topics.history(), topics.design(dgu)
-        self._estimate, self._alarm_codec = topics.estimate(dgu), topics.alarms(dgu)
+        self._history, self._design = topics.grid_history(), topics.team_design(dgu)
+        self._estimate, self._alarm_codec = topics.estimate(dgu), topics.accusations(dgu)
         self._experiments: list[HistoryRecord] = []
         self._member: Member | None = None
         self._state: MemberState | None = None

@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 
 from bags.watch.designs import design_run
 from bags.wire.convert import history_of
+from bags.wire.row import Need
 from bags.wire.stream import lies
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from bags.watch.designs import Told
-    from bags.wire.combined_topics import OwnCodec
+    from bags.wire.codecs import StepCodec
     from bags.wire.records import HistoryRecord
     from bags.wire.schema import RunTopics
     from dcmg_nodes.ports import Ports
@@ -42,7 +43,7 @@ class WatchSide:
         self._told = told
         links = [link for link in topics.links if link.target == dgu]
         combined = topics.combined
-        self.own: OwnCodec | None = combined.own(dgu) if combined is not None and combined.parts.local else None
+        self.own: StepCodec | None = combined.own(dgu) if combined is not None and topics.has(Need.LOCAL) else None
         self._residuals = [topics.residual(link) for link in links]
         self._inputs = [] if combined is None else [combined.input(link) for link in links]
         self._own_residual = None if combined is None else combined.residual(dgu)

@@ -7,16 +7,15 @@ from functools import cached_property
 from typing import TYPE_CHECKING
 
 from bags.watch.team import plan_of
+from bags.wire.row import Need, named
 from bags.wire.schema import ATTACKER_NODE, CLOCK_NODE, dgu_name, monitor_name, topics_of
 from dgu_sim.unit import unit_of
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
 
     from bags.mcap.topic import Topic
-    from bags.wire.combined_topics import CombinedTopics
     from bags.wire.schema import RunTopics
-    from bags.wire.team_topics import TeamTopics
     from dgu_sim.scenario import Scenario
     from monitor.team import TeamPlan
 
@@ -63,37 +62,27 @@ class Wiring:
 
     @cached_property
     def _consumers(self) -> Mapping[str, tuple[str, ...]]:
-        topics = self.topics
-        readers = {topics.tick().topic.name: tuple(dgu_name(dgu) for dgu in topics.dgus)}
-        for dgu in topics.dgus:
-            readers[topics.state(dgu).topic.name] = tuple(
-                dgu_name(other) for other in topics.dgus if dgu in self.physical[other]
-            )
-            readers[topics.output(dgu).topic.name] = (ATTACKER_NODE,)
-            readers[topics.history(dgu).topic.name] = tuple(
-                monitor_name(link.target) for link in topics.links if link.source == dgu
-            )
-        for link in topics.links:
-            readers[topics.received(link).topic.name] = (dgu_name(link.target), monitor_name(link.target))
-        if topics.team is not None and self.plan is not None:
-            readers |= _team_readers(topics, topics.team, self.plan)
-        if topics.combined is not None:
-            readers |= self._combined_consumers(topics.combined, readers)
-        return readers
-
-    def _combined_consumers(
-        self, topics: CombinedTopics, readers: Mapping[str, tuple[str, ...]]
-    ) -> dict[str, tuple[str, ...]]:
-        """Who reads what the parts of a monitor that draws one conclusion need, and its verdict."""
-        found: dict[str, tuple[str, ...]] = {}
-        for dgu in topics.monitors:
-            if topics.parts.local:
-                history = self.topics.history(dgu).topic.name
-                found[topics.own(dgu).topic.name] = (monitor_name(dgu),)
-                found[history] = (*readers[history], monitor_name(dgu))
-            if self.responds:
-                found[topics.verdict(dgu).topic.name] = (dgu_name(dgu),)
+        topics, found = self.topics, {}
+        for row in topics.present:
+            for place in topics.places(row.over):
+                readers = (name for pattern in row.readers for name in named(pattern, place, self._related))
+                found[topics.topic(row, place).name] = tuple(readers)
         return found
+
+    def _related(self, relation: str, dgu: int) -> Sequence[int]:
+        """DGUs in a relation of the table of messages to one."""
+        topics, plan = self.topics, self.plan
+        related: dict[str, Callable[[], Sequence[int]]] = {
+            "all": lambda: topics.dgus,
+            "coupled": lambda: [other for other in topics.dgus if dgu in self.physical[other]],
+            "hearing": lambda: [link.target for link in topics.links if link.source == dgu],
+            "hosting": lambda: [dgu] if topics.has(Need.LOCAL) and dgu in topics.monitors else (),
+            "responding": lambda: [dgu] if self.responds else (),
+            "member": lambda: [dgu] if plan else (),
+            "unaware": lambda: topics.unaware(dgu),
+            "neighbours": lambda: plan.neighbours(dgu) if plan else (),
+        }
+        return related[relation]()
 
 
 def wiring_of(scenario: Scenario) -> Wiring:
@@ -106,14 +95,3 @@ def wiring_of(scenario: Scenario) -> Wiring:
         plan=None if topics.team is None else plan_of(scenario, topics.team),
         responds=scenario.monitor.response is not None,
     )
-
-
-def _team_readers(topics: RunTopics, team: TeamTopics, plan: TeamPlan) -> dict[str, tuple[str, ...]]:
-    """Return who else reads what when the monitors are a team."""
-    readers = {team.history().topic.name: tuple(monitor_name(member) for member in plan.members)}
-    for dgu in team.announcing:
-        readers[team.inputs(dgu).topic.name] = tuple(monitor_name(member) for member in team.unaware(dgu))
-    for member in plan.members:
-        readers[topics.output(member).topic.name] = (ATTACKER_NODE, monitor_name(member))
-        readers[team.estimate(member).topic.name] = tuple(monitor_name(other) for other in plan.neighbours(member))
-    return readers
