@@ -58,13 +58,13 @@ class Carried:
             return None
         return restore(record)
 
-    def anew(self, told: Mapping[str, DesignRecord]) -> dict[str, float]:
-        """Designs, by topic, that are not the carried ones, and how far from them (see `difference`)."""
-        return {
-            name: difference(self.records[name], record) if name in self.records else inf
-            for name, record in told.items()
-            if self.records.get(name) != record
-        }
+    def anew(self, told: Mapping[str, DesignRecord]) -> tuple[str, ...]:
+        """Topics of designs that are not the carried ones."""
+        return tuple(name for name, record in told.items() if self.records.get(name) != record)
+
+    def compared(self, told: Mapping[str, DesignRecord]) -> dict[str, float]:
+        """How far designs, by topic, are from the carried ones: see `difference`; those that have none are left out."""
+        return {name: difference(self.records[name], one) for name, one in told.items() if name in self.records}
 
 
 def read_carried(path: Path) -> Carried:

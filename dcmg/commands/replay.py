@@ -29,6 +29,7 @@ def replay(
     detector: options.Detector = None,
     detector_option: options.DetectorOption = None,
     history: options.History = None,
+    redesign: options.Redesign = False,
     set_: options.Set = None,
     publish: options.Publish = False,
     rate: options.Rate = "1",
@@ -45,7 +46,7 @@ def replay(
     attach: options.Attach = None,
     domain: options.Domain = None,
 ) -> None:
-    """Feed recorded data to freshly designed monitors, or publish it into ROS.
+    """Feed recorded data to the monitors of the run or to others, or publish it into ROS.
 
     Without options every residual comes out as recorded, bit for bit. While publishing on a terminal, space pauses and
     goes on, right goes on by one step, up and down change the rate by a tenth; `dcmg player` does so from elsewhere.
@@ -55,7 +56,7 @@ def replay(
         *_changes("detector", detector, detector_option or []),
         *(set_ or []),
     ]
-    changes = MonitorChanges(overrides=overrides, history=history)
+    changes = MonitorChanges(overrides=overrides, history=history, redesign=redesign)
     if not publish:
         _only_with_publish(
             {"--rate": rate != "1", "--start-offset": start_offset, "--duration": duration, "--loop": loop}

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from math import isfinite
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterable, Iterator, Sequence
     from pathlib import Path
+
+    from bags.runs.run_record import RunRecord
+    from bags.watch.carried import Carried
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -17,15 +21,22 @@ class MonitorChanges:
     Attributes:
         overrides: changes of the monitor section, "monitor.a.b=value".
         history: bag with the histories that they are designed from, None: those of the run.
+        redesign: everything is designed anew, from the same histories too.
     """
 
     overrides: Sequence[str] = ()
     history: Path | None = None
+    redesign: bool = False
 
     @property
     def none(self) -> bool:
         """Whether they are the same."""
-        return not self.overrides and self.history is None
+        return not self.overrides and not self.anew
+
+    @property
+    def anew(self) -> bool:
+        """Whether the designs in the bag are of no use."""
+        return self.redesign or self.history is not None
 
 
 def evaluate(bag: Path, changes: MonitorChanges, *, out: Path | None, json: bool) -> int:
@@ -34,6 +45,7 @@ def evaluate(bag: Path, changes: MonitorChanges, *, out: Path | None, json: bool
     from bags.runs.replay import replay_windows  # noqa: PLC0415
     from bags.runs.replay_bag import write_replayed  # noqa: PLC0415
     from bags.runs.replay_settings import history_messages, with_histories  # noqa: PLC0415
+    from dcmg.commands.showing import messages  # noqa: PLC0415
     from dcmg.run_tables import show_run  # noqa: PLC0415
 
     run = open_run(bag)
@@ -41,9 +53,29 @@ def evaluate(bag: Path, changes: MonitorChanges, *, out: Path | None, json: bool
     if changes.history is not None:
         windows = with_histories(windows, changes.history)
         told = history_messages(changes.history, sorted({link.source for link in run.topics.links}))
-    windows = replay_windows(windows, changes.overrides)
+    recorded: list[Carried] = []
+    windows = _noted(replay_windows(_noted(windows, recorded), changes.overrides, redesign=changes.anew), recorded)
     if out is not None:
         windows = write_replayed(out / "bag", windows, told)
     pictures, shown_bag = (None, bag) if out is None else (out / "plots", out / "bag")
     show_run(windows, run.steps, shown_bag, what="replaying", pictures=pictures, json=json)
+    for name, apart in recorded[0].compared(recorded[1].records).items() if len(recorded) > 1 else ():
+        if apart or changes.redesign:
+            messages.print(f"designed anew: {name}: {_words(apart)}", highlight=False, soft_wrap=True)
     return 0
+
+
+def _noted(windows: Iterable[RunRecord], designs: list[Carried]) -> Iterator[RunRecord]:
+    """Pass windows on and note what the first one says about designs."""
+    from bags.runs.replay import carried_by  # noqa: PLC0415 (heavy)
+
+    for number, window in enumerate(windows):
+        if number == 0:
+            designs.append(carried_by(window))
+        yield window
+
+
+def _words(apart: float) -> str:
+    if isfinite(apart):
+        return f"matrices within {apart:.1e} of the recorded ones, relative to the largest entry"
+    return "of another kind than the recorded one"

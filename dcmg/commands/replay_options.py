@@ -36,6 +36,9 @@ ObserverOption = Annotated[list[str] | None, _monitors("option of the observer; 
 Detector = Annotated[str | None, _monitors("another detector, with its default options", metavar="KIND")]
 DetectorOption = Annotated[list[str] | None, _monitors("option of the detector; repeatable", metavar="NAME=VALUE")]
 History = Annotated[Path | None, _monitors("design from these recorded histories, not from the run's", metavar="BAG")]
+Redesign = Annotated[
+    bool, _monitors("design everything anew, and tell how far from the recorded designs it lies", "--redesign")
+]
 Set = Annotated[
     list[str] | None,
     _monitors("as in `monitor.detector.options.margin=3`; repeatable", "--set", metavar="A.B=VALUE"),

@@ -54,7 +54,7 @@ def publish(bag: Path, changes: MonitorChanges, options: PublishOptions, *, json
     text = playback.attachments.get(SCENARIO_ATTACHMENT, b"").decode()
     scenario = replayed_scenario(bag, text, changes.overrides) if live else None
     playback = open_playback(bag, _selection(changes, options, scenario))
-    part = None if scenario is None else _part(playback, scenario, options)
+    part = None if scenario is None else _part(playback, scenario, options, None if changes.anew else bag)
     with ExitStack() as stack:
         default = None if options.monitors else int(os.environ.get(_DOMAIN, "0"))
         wanted = default if options.domain is None else options.domain
@@ -90,6 +90,7 @@ class _Part:
     scenario: Scenario
     wiring: Wiring
     nodes: tuple[str, ...]
+    designs: Path | None
 
 
 def _play(playback: Playback, part: _Part | None, options: PublishOptions, stack: ExitStack) -> Played:
@@ -117,7 +118,7 @@ def _play(playback: Playback, part: _Part | None, options: PublishOptions, stack
     return played
 
 
-def _part(playback: Playback, scenario: Scenario, options: PublishOptions) -> _Part:
+def _part(playback: Playback, scenario: Scenario, options: PublishOptions, designs: Path | None) -> _Part:
     """Find out which nodes are to run on the published data, and whether they will get everything they wait for.
 
     Raises:
@@ -134,13 +135,15 @@ def _part(playback: Playback, scenario: Scenario, options: PublishOptions) -> _P
         read = set(wiring.readers(topic)) & set(nodes)
         if read and not set(topic.publishers) & set(nodes) and playback.names.get(topic.name) != topic.name:
             raise CommandError(f"{min(read)} needs {topic.name}, which the replay does not publish under that name")
-    return _Part(scenario=scenario, wiring=wiring, nodes=nodes)
+    return _Part(scenario=scenario, wiring=wiring, nodes=nodes, designs=designs)
 
 
 def _start(part: _Part, options: PublishOptions) -> ProcessGroup:
     now = dt.datetime.now(tz=dt.UTC).astimezone()
     out = options.out or Path("out") / f"{part.scenario.name}-replay-{now:%Y%m%d-%H%M%S}"
-    return ProcessGroup({name: (name,) for name in part.nodes}, part.scenario, NodeOptions(out=out), out / "log")
+    return ProcessGroup(
+        {name: (name,) for name in part.nodes}, part.scenario, NodeOptions(out=out, designs=part.designs), out / "log"
+    )
 
 
 def _report(bag: Path, played: Played, *, unchanged: bool, json: bool) -> int:
