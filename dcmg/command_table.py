@@ -45,6 +45,7 @@ COMMANDS: Sequence[Command | Group] = (
             _ros("list", "Show the active and scheduled attacks.", entry="attack.list"),
         ),
     ),
+    _ros("attach", "Open a shell in which ROS programs find the running system.", _RUN),
     _ros("node", "Start single nodes of a run: what `dcmg run` supervises, by hand, on this or another host.", _RUN),
     _here("study", "Run seeds x attacks x observers x detectors offline, and compare them.", _RUN),
     _here("report", "Measure a run: detection, false alarms, ROC, isolation, impact, with intervals.", _LOOK),

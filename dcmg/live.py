@@ -18,11 +18,11 @@ class LiveDisplay:
 
     Args:
         console: where to draw; its file must not be the standard output of `--json`.
-        steps: number of steps of the run.
+        steps: number of steps of the run, None: until somebody ends it.
         sampling_period_sec: T_s [s].
     """
 
-    def __init__(self, console: Console, steps: int, sampling_period_sec: float) -> None:
+    def __init__(self, console: Console, steps: int | None, sampling_period_sec: float) -> None:
         """Create the bar; nothing is drawn before the `with` block."""
         self._console = console
         self._period_sec = sampling_period_sec

@@ -34,7 +34,7 @@ def test_an_attack_by_hand_is_on_the_wire_and_in_the_bag(
     ]
     stopped = dcmg("attack", "stop", "1-2")
     assert stopped.code == 0, stopped.err
-    assert run.end(signal.SIGINT).code == 130
+    assert run.end(signal.SIGINT).code == 0  # that is how a run in real time ends
 
     first, last = (int(re.findall(r"step (\d+)", one.out)[0]) for one in (started, stopped))
     record = read_run(run.bag)

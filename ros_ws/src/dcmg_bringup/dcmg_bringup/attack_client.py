@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 from dcmg.errors import CommandError
-from dcmg_bringup.domain import RunningSystem, running_systems
+from dcmg_bringup.domain import RunningSystem, checked_domain, running_systems
 from dcmg_bringup.run_job import ros_environment
 
 if TYPE_CHECKING:
@@ -34,6 +34,7 @@ def find_system(domain: int | None) -> RunningSystem:
         AttackClientError: none runs, or several do and no domain was named.
     """
     systems = running_systems()
+    domain = checked_domain(domain)
     if domain is not None:
         found = [system for system in systems if system.domain == domain]
         return found[0] if found else RunningSystem(domain=domain, pid=0, scenario="", out="")

@@ -26,6 +26,8 @@ if TYPE_CHECKING:
 # Above 101 the UDP ports of a domain run into Linux's ephemeral range; 0 is everybody's default.
 DOMAINS = range(1, 102)
 _PRIVATE = 0o700
+LAST_DOMAIN = 232  # beyond it there are no UDP ports left
+_VARIABLE = "ROS_DOMAIN_ID"
 _PORT_BASE, _PORTS_PER_DOMAIN, _FIRST_UNICAST, _CHECKED_PORTS = 7400, 250, 10, 4
 
 
@@ -41,6 +43,34 @@ class RunningSystem:
     pid: int
     scenario: str
     out: str
+
+
+def domain_of_environment() -> int | None:
+    """Return the domain that ROS_DOMAIN_ID names, None where it is not set or empty.
+
+    Raises:
+        DomainError: it names none.
+    """
+    text = os.environ.get(_VARIABLE, "").strip()
+    if not text:
+        os.environ.pop(_VARIABLE, None)  # rclpy takes an empty one for an error
+        return None
+    if not (text.isdecimal() and int(text) <= LAST_DOMAIN):
+        raise DomainError(f"{_VARIABLE}={text}: expected a ROS domain id from 0 to {LAST_DOMAIN}")
+    return int(text)
+
+
+def checked_domain(domain: int | None) -> int | None:
+    """Return the domain of an option --domain, else that of the environment, None without either.
+
+    Raises:
+        DomainError: there is no such domain.
+    """
+    if domain is None:
+        return domain_of_environment()
+    if not 0 <= domain <= LAST_DOMAIN:
+        raise DomainError(f"--domain {domain}: expected a ROS domain id from 0 to {LAST_DOMAIN}")
+    return domain
 
 
 @contextmanager
@@ -75,7 +105,7 @@ def choose_domain(wanted: int | None = None, *, scenario: str = "", out: str = "
 def running_systems() -> list[RunningSystem]:
     """List the runs on this machine, by domain id."""
     found = []
-    for domain in DOMAINS:
+    for domain in range(LAST_DOMAIN + 1):
         if not os.path.lexists(_lock_path(domain)):
             continue
         handle = _open_lock(domain)

@@ -12,6 +12,7 @@ import typer
 
 from bags.foreign.mapping import load_mapping
 from bags.foreign.watching import stream_monitors
+from dcmg_bringup.domain import checked_domain
 from dcmg_bringup.said import said_in_one_line
 
 
@@ -38,12 +39,13 @@ def monitor(
     Publishes /dgu_j/residual/dgu_i, /dgu_j/alarms, /dgu_j/received/dgu_i, /dgu_j/design/dgu_i, /dgu_j/stream and
     /diagnostics. No simulator, clock or tick of ours is needed; ROS variables of the environment apply.
     """
+    found_domain = checked_domain(domain)
     found = load_mapping(mapping)
     monitors = stream_monitors(found, str(mapping), history)
     for record in monitors.designs:
         typer.echo(f"link {record.source}-{record.monitor}: {record.verdict}", err=True)
-    if domain is not None:
-        os.environ["ROS_DOMAIN_ID"] = str(domain)
+    if found_domain is not None:
+        os.environ["ROS_DOMAIN_ID"] = str(found_domain)
     from dcmg_nodes.foreign_main import watch_foreign_topics  # noqa: PLC0415 (rclpy only when needed)
 
     period_sec = monitors.topics.sampling_period_ns * 1e-9

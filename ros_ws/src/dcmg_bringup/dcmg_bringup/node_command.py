@@ -11,6 +11,7 @@ from bags.mcap.recording import ChunkPreset
 from dcmg.commands import recording_options as recorded
 from dcmg.commands import scenario_options as options
 from dcmg.errors import CommandError
+from dcmg_bringup.domain import checked_domain
 from dcmg_bringup.run_command import in_time
 from dcmg_bringup.said import said_in_one_line
 from dcmg_nodes.options import NodeOptions, PacingMode
@@ -56,6 +57,7 @@ def node(
     how = NodeOptions(
         out=out, pacing=pacing, rate=rate, start_timeout_sec=start_timeout, recording=recording, designs=designs
     )
+    checked_domain(None)
     from dcmg_nodes.main import run_nodes  # noqa: PLC0415 (imports rclpy)
 
     with said_in_one_line():

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dcmg.errors import CommandError
-from dcmg_bringup.domain import running_systems
+from dcmg_bringup.domain import checked_domain, running_systems
 from dcmg_bringup.replay_publish import REPLAY
 
 if TYPE_CHECKING:
@@ -81,6 +81,7 @@ def _call(domain: int | None, command: str, *, steps: int = 0, rate: float = 0.0
     Raises:
         CommandError: no replay, no answer, or refused.
     """
+    domain = checked_domain(domain)
     domain = _only_domain() if domain is None else domain
     os.environ["ROS_DOMAIN_ID"] = str(domain)
     import rclpy  # noqa: PLC0415 (rclpy only when needed, in the domain just set)

@@ -18,7 +18,7 @@ from bags.runs.replay_settings import history_messages, replayed_scenario
 from bags.wire.origin import SCENARIO_ATTACHMENT
 from bags.wire.schema import monitor_name
 from dcmg.errors import CommandError
-from dcmg_bringup.domain import choose_domain
+from dcmg_bringup.domain import checked_domain, choose_domain
 from dcmg_bringup.keys import keys
 from dcmg_bringup.processes import ProcessGroup
 from dcmg_bringup.replay_display import ReplayDisplay
@@ -56,8 +56,8 @@ def publish(bag: Path, changes: MonitorChanges, options: PublishOptions, *, json
     playback = open_playback(bag, _selection(changes, options, scenario))
     part = None if scenario is None else _part(playback, scenario, options, None if changes.anew else bag)
     with ExitStack() as stack:
-        default = None if options.monitors else int(os.environ.get(_DOMAIN, "0"))
-        wanted = default if options.domain is None else options.domain
+        found = checked_domain(options.domain)
+        wanted = 0 if found is None and not options.monitors else found
         domain = stack.enter_context(choose_domain(wanted, scenario=f"{REPLAY}{bag.name}", out=str(bag)))
         os.environ.update(ros_environment(domain) if options.monitors else _environment(domain))
         played = _play(playback, part, options, stack)

@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from dcmg_bringup.run_job import RunOptions, RunOutcome
     from dgu_sim.scenario import Scenario
 
+FOREVER = "forever"
+_FOREVER_SEC = 1e7  # four months: nobody waits for its end
 _EXIT_FAILED = 1
 _EXIT_INTERRUPTED = 130
 
@@ -30,7 +32,14 @@ def run(
         PacingMode, typer.Option(help="as fast as the nodes go, or wall-clock time")
     ] = PacingMode.LOCKSTEP,
     rate: Annotated[float, typer.Option(min=0.001, help="real-time factor, with `--pacing realtime`")] = 1.0,
-    duration: options.Duration = None,
+    duration: Annotated[
+        str | None,
+        typer.Option(
+            metavar="SECONDS|forever",
+            help="simulated length of the run [s]; forever, the default in real time: until Ctrl-C",
+            show_default=False,
+        ),
+    ] = None,
     seed: options.Seed = None,
     out: options.Out = None,
     composed: Annotated[bool, typer.Option("--composed", help="all nodes in one process")] = False,
@@ -39,7 +48,9 @@ def run(
     set_: options.Set = None,
     json: options.Json = False,
     plots: options.Plots = True,
-    domain: Annotated[int | None, typer.Option(help="ROS domain id; default: a free one", show_default=False)] = None,
+    domain: Annotated[
+        int | None, typer.Option(help="ROS domain id; default: ROS_DOMAIN_ID, else a free one", show_default=False)
+    ] = None,
     bag_compression: recorded.BagCompression = recorded.CompressionName.ZSTD,
     bag_chunks: recorded.BagChunks = ChunkPreset.SAFE,
     bag_split_mb: recorded.BagSplitMb = None,
@@ -51,7 +62,12 @@ def run(
 ) -> None:
     """Run a scenario over ROS 2: one process per node, recorded to a bag."""
     chosen = options.ScenarioOptions(
-        name=scenario, duration_sec=duration, seed=seed, out=out, overrides=set_ or [], history=history
+        name=scenario,
+        duration_sec=_duration_sec(duration, pacing),
+        seed=seed,
+        out=out,
+        overrides=set_ or [],
+        history=history,
     )
     recording = recorded.recording_of(
         compression=bag_compression,
@@ -66,10 +82,23 @@ def run(
     )
     if rate != 1.0 and pacing is PacingMode.LOCKSTEP:
         raise CommandError(f"--rate {rate:g}: expected only together with --pacing realtime")
+    from dcmg_bringup.domain import checked_domain  # noqa: PLC0415 (not for the help)
     from dcmg_bringup.run_job import RunOptions  # noqa: PLC0415 (heavy)
 
-    how = RunOptions(pacing=pacing, rate=rate, composed=composed, domain=domain, recording=recording, designs=designs)
+    how = RunOptions(
+        pacing=pacing, rate=rate, composed=composed, domain=checked_domain(domain), recording=recording, designs=designs
+    )
     raise typer.Exit(_run(chosen, how, json=json, plots=plots))
+
+
+def _duration_sec(text: str | None, pacing: PacingMode) -> float | None:
+    """Read --duration; None: as the scenario says."""
+    if text == FOREVER or (text is None and pacing is PacingMode.REALTIME):
+        return _FOREVER_SEC
+    try:
+        return None if text is None else float(text)
+    except ValueError:
+        raise CommandError(f"--duration {text}: expected a number of seconds, or {FOREVER}") from None
 
 
 def in_time(pacing: PacingMode) -> WhenFull:
@@ -87,7 +116,8 @@ def _run(chosen: options.ScenarioOptions, how: RunOptions, *, json: bool, plots:
     scenario = chosen.load()
     check_monitors(scenario, how.designs)
     out = chosen.folder(scenario)
-    with LiveDisplay(messages, scenario.steps, scenario.sampling_period_sec) as display:
+    steps = None if _is_forever(scenario) else scenario.steps
+    with LiveDisplay(messages, steps, scenario.sampling_period_sec) as display:
         outcome = run_job(scenario, out, how, display)
     return _ended(outcome, scenario, out, how.recording, json=json, plots=plots)
 
@@ -108,6 +138,11 @@ def _ended(outcome: RunOutcome, scenario: Scenario, out: Path, recording: Record
         messages.print(
             f"interrupted at step {outcome.steps}; the bag is closed: {outcome.bag}", highlight=False, soft_wrap=True
         )
-        return _EXIT_INTERRUPTED
     show(outcome.bag, out if plots else None, json=json, partial=is_partial(scenario, recording))
+    if outcome.interrupted and not _is_forever(scenario):
+        return _EXIT_INTERRUPTED
     return _EXIT_FAILED if outcome.lost else 0
+
+
+def _is_forever(scenario: Scenario) -> bool:
+    return scenario.duration_sec == _FOREVER_SEC

@@ -41,6 +41,9 @@ class Display(Protocol):
     def alarm(self, line: str) -> None:
         """Show an alarm."""
 
+    def say(self, line: str) -> None:
+        """Show any other line."""
+
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunOptions:
@@ -94,6 +97,7 @@ def run_job(scenario: Scenario, out: Path, options: RunOptions, display: Display
     (out / "scenario.yaml").write_text(scenario.to_yaml())
     with choose_domain(options.domain, scenario=scenario.name, out=str(out)) as domain:
         os.environ.update(ros_environment(domain))
+        display.say(f"other ROS programs join this run after: export ROS_DOMAIN_ID={domain}")
         wiring = wiring_of(scenario)
         wiring.warm_up()
         nodes = {_ALL: wiring.nodes} if options.composed else {name: (name,) for name in wiring.nodes}

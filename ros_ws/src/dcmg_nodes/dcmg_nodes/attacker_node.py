@@ -15,6 +15,7 @@ from dcmg_nodes.ports import Ports
 from dcmg_nodes.second_publisher import SecondPublishers
 from dcmg_nodes.services import offer
 from dgu_sim.attacks.request import parse_parameters
+from dgu_sim.errors import AttackError
 from dgu_sim.grid import Link
 
 if TYPE_CHECKING:
@@ -82,6 +83,8 @@ class AttackerNode:
             self.ports.publish(self._events.topic.name, self._events.encode(event))
 
     def _on_start(self, request: StartAttack.Request, response: StartAttack.Response) -> StartAttack.Response:
+        if self._step == 0:  # the recorder need not be listening yet, and the bag would not tell of the attack
+            raise AttackError("the run has not begun yet: try again when its clock moves")
         link, parameters = Link(request.source, request.target), parse_parameters(request.parameters)
         state, event = self._relay.start(self._state, link, request.kind, parameters, request.duration_sec)
         self._announce([event])
