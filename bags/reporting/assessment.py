@@ -13,11 +13,11 @@ from bags.reporting.timeline import Timeline
 from monitor.measures import (
     AlarmRates,
     Batadal,
-    Estimate,
+    Confusion,
     EstimateErrors,
     GridImpact,
     Impact,
-    Isolation,
+    Measured,
     Roc,
     alarm_rates,
     batadal,
@@ -88,11 +88,11 @@ class Overall:
         isolation: Which links were accused for which.
     """
 
-    missed: Estimate
+    missed: Measured
     delay_sec: float
     rates: AlarmRates
     batadal: Batadal
-    isolation: Isolation
+    isolation: Confusion
 
 
 @final

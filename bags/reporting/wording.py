@@ -5,7 +5,7 @@ import math
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from monitor.measures import Estimate
+from monitor.measures import Measured
 
 NOTHING = "–"  # noqa: RUF001 - a dash in a table
 
@@ -24,7 +24,7 @@ def share(value: float | None) -> str:
     return NOTHING if value is None or math.isnan(value) else f"{100.0 * value:.3g} %"
 
 
-def interval(estimate: Estimate, *, percent: bool = False, digits: int = 3) -> str:
+def interval(estimate: Measured, *, percent: bool = False, digits: int = 3) -> str:
     """The interval alone, in brackets; nothing where there is none."""
     if estimate.interval is None:
         return ""

@@ -1,10 +1,9 @@
 """What a response avoids: the same scenario simulated with it and without, step for step the same but for it."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import final
 
 import numpy as np
-from numpy.typing import NDArray
 
 from bags.mcap.errors import BagError
 from bags.runs.following import follow
@@ -102,10 +101,7 @@ def _impact(scenario: Scenario, block: Block) -> GridImpact:
 
 
 def _joined(parts: list[GridImpact]) -> GridImpact:
-    def joined(name: str) -> NDArray[np.float64]:
-        return np.concatenate([getattr(part, name) for part in parts])
-
-    return GridImpact(mean_voltage=joined("mean_voltage"), voltage=joined("voltage"), sharing=joined("sharing"))
+    return GridImpact(**{one.name: np.concatenate([getattr(p, one.name) for p in parts]) for one in fields(GridImpact)})
 
 
 def _first(said: list[CombinedArrays], topics: RunTopics) -> tuple[FirstAccusation, ...]:

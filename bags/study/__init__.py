@@ -1,16 +1,16 @@
 """Studies: many seeds x attacks x observers x detectors, offline, into one table and its curves."""
 
-from bags.study.cells import Cell, cells_of
+from bags.study.cells import StudyCell, cells_of
 from bags.study.errors import StudyError
 from bags.study.run import run_study
 from bags.study.settings import Study, load_study
 from bags.study.summary import Comparison, OperatingPoint, compare, operating_points
 
 __all__ = [
-    "Cell",
     "Comparison",
     "OperatingPoint",
     "Study",
+    "StudyCell",
     "StudyError",
     "cells_of",
     "compare",

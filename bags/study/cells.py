@@ -25,7 +25,7 @@ _FORMAT = 1  # of the rows; another one makes kept cells worthless
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Cell:
+class StudyCell:
     """All runs of one condition, watched by one observer.
 
     Attributes:
@@ -58,7 +58,7 @@ class Cell:
         return hashlib.sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()[:24]
 
 
-def cells_of(study: Study, source: str, scenario_path: Callable[[str], Path]) -> tuple[Cell, ...]:
+def cells_of(study: Study, source: str, scenario_path: Callable[[str], Path]) -> tuple[StudyCell, ...]:
     """Return the cells of a study, everything checked before the first run.
 
     Args:
@@ -83,7 +83,7 @@ def cells_of(study: Study, source: str, scenario_path: Callable[[str], Path]) ->
             raise StudyError(f"{source}: conditions.{position}.set: {error}") from error
         scenarios = {NO_ATTACK: base, **_attacked(study, base, source)}
         cells += [
-            Cell(
+            StudyCell(
                 study=study.name,
                 condition=condition.name,
                 scenarios=scenarios,

@@ -5,17 +5,16 @@ detector's multiply-adds serves them all: the same code, and so the same bits, a
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, fields, replace
 from typing import Any, final
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
-from bags.study.cells import Cell
+from bags.study.cells import StudyCell
 from bags.study.combined import Signals, conclude
 from bags.study.designs import method_of
-from bags.study.impact import Impact, impact_of
 from bags.study.settings import NO_ATTACK
 from bags.watch.designs import RunDesigns, design_run
 from bags.watch.histories import histories_of_run
@@ -28,6 +27,7 @@ from dgu_sim.simulate import simulate
 from monitor import detectors
 from monitor.detectors import Phase
 from monitor.link_design import LinkDesign
+from monitor.measures import GridImpact, grid_impact, onsets
 
 SCHEMA = pa.schema(
     [
@@ -73,7 +73,7 @@ class _Runs:
         received: Shape (steps, seeds, links, 3).
         delivered: Shape (steps, seeds, links).
         lying: Where somebody else speaks on a link, shape (steps, seeds, links).
-        impact: What the attack does.
+        impact: Largest distance of the grid from its goals up to each step, from the attack's start on, (steps, seeds).
         attacked: Whether each link is attacked, shape (links,).
         clean: First step that is not free of attacks.
     """
@@ -83,12 +83,12 @@ class _Runs:
     received: NDArray[np.float64]
     delivered: NDArray[np.bool_]
     lying: NDArray[np.bool_]
-    impact: Impact
+    impact: GridImpact
     attacked: NDArray[np.bool_]
     clean: int
 
 
-def evaluate(cell: Cell) -> pa.Table:
+def evaluate(cell: StudyCell) -> pa.Table:
     """Do the work of one cell.
 
     Returns:
@@ -194,13 +194,27 @@ def _simulated(scenario: Scenario, seeds: Sequence[int]) -> _Runs:
         received=np.concatenate([block.received for block in blocks]),
         delivered=np.concatenate([block.delivered for block in blocks]),
         lying=lying,
-        impact=impact_of(scenario, np.concatenate([block.x for block in blocks]), clean if links else 0),
+        impact=_impact_so_far(scenario, np.concatenate([block.x for block in blocks]), clean if links else 0),
         attacked=np.array([link in links for link in scenario.links]),
         clean=clean,
     )
 
 
-def _designs(cell: Cell, scenario: Scenario) -> RunDesigns:
+def _impact_so_far(scenario: Scenario, x: NDArray[np.float64], start: int) -> GridImpact:
+    """Largest distance from the goals up to each step that counts; x has the shape (steps, runs, DGUs, 3)."""
+    nominal = np.array([one.reference_v for one in scenario.dgus])
+    rated = np.array([one.rated_current_a for one in scenario.dgus])
+    found = grid_impact(x[..., 0], x[..., 1], nominal, rated)
+
+    def so_far(signal: NDArray[np.float64]) -> NDArray[np.float64]:
+        counted = np.abs(signal)
+        counted[:start] = 0.0
+        return np.asarray(np.maximum.accumulate(counted, axis=0))
+
+    return GridImpact(**{one.name: so_far(getattr(found, one.name)) for one in fields(found)})
+
+
+def _designs(cell: StudyCell, scenario: Scenario) -> RunDesigns:
     """Return what is designed for the runs of one seed: each has histories of its own."""
     observer = cell.observer
     settings = MonitorSettings(
@@ -221,11 +235,10 @@ def _judge(runs: _Runs, part: _Part, window: tuple[int, int], period_sec: float)
     during, clean = part.alarm[start:stop], part.alarm[: runs.clean]
     detected = np.asarray(during.any(axis=0))
     first = np.where(detected, start + (during.argmax(axis=0) if len(during) else 0), last)
-    onsets = clean & ~np.concatenate([np.zeros_like(clean[:1]), clean[:-1]])
     columns: dict[str, NDArray[Any]] = {
         "clean_steps": part.armed[: runs.clean].sum(axis=0),
         "clean_alarm_steps": clean.sum(axis=0),
-        "clean_alarms": onsets.sum(axis=0),
+        "clean_alarms": onsets(clean).sum(axis=0),
         "attack_steps": np.full(detected.shape, stop - start),
         "attack_alarm_steps": during.sum(axis=0),
         "detected": detected,
@@ -239,7 +252,7 @@ def _judge(runs: _Runs, part: _Part, window: tuple[int, int], period_sec: float)
     return columns
 
 
-def _impact_columns(impact: Impact, until: NDArray[np.int64], shape: tuple[int, ...]) -> dict[str, NDArray[Any]]:
+def _impact_columns(impact: GridImpact, until: NDArray[np.int64], shape: tuple[int, ...]) -> dict[str, NDArray[Any]]:
     """Return the impact of each run, repeated for its links."""
     columns = {}
     for name, unit in (("mean_voltage", "_v"), ("voltage", "_v"), ("sharing", "")):
@@ -251,7 +264,7 @@ def _impact_columns(impact: Impact, until: NDArray[np.int64], shape: tuple[int, 
 
 
 def _table(
-    cell: Cell,
+    cell: StudyCell,
     point: Mapping[str, object],
     runs: _Runs,
     judged: Mapping[str, NDArray[Any]],

@@ -10,7 +10,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from bags.study.settings import NO_ATTACK
-from bags.study.summary import Comparison, Interval, OperatingPoint
+from bags.study.summary import Comparison, OperatingPoint
+from monitor.measures import Measured
 
 _PANELS = 4
 _MARKERS = "osD^vP*X"
@@ -73,21 +74,20 @@ def cells(one: Comparison) -> tuple[str, ...]:
     """Return one row of the comparison as text."""
     best, whole = one.best, shown(one.mean_voltage_v)
     if best is None:
-        reason = "nobody sees it" if one.candidates else "nobody keeps the limit"
-        return (one.condition, one.attack, reason, "", "", "", "", whole)
+        return (one.condition, one.attack, one.nobody, "", "", "", "", whole)
     swept = "" if best.swept is None else f" at {best.swept:g}"
     estimates = (best.detected, best.delay_sec, best.false_alarm_rate, best.mean_voltage_until_alarm_v)
     name = f"{best.observer} + {best.detector}{swept}"
     return (one.condition, one.attack, name, *(shown(one) for one in estimates), whole)
 
 
-def shown(interval: Interval) -> str:
+def shown(estimate: Measured) -> str:
     """Return an estimate as text."""
-    if math.isnan(interval.value):
+    if math.isnan(estimate.value):
         return "-"
-    if math.isnan(interval.low):
-        return f"{interval.value:.3g}"
-    return f"{interval.value:.3g} [{interval.low:.2g}, {interval.high:.2g}]"
+    if estimate.interval is None:
+        return f"{estimate.value:.3g}"
+    return f"{estimate.value:.3g} [{estimate.interval.low:.2g}, {estimate.interval.high:.2g}]"
 
 
 _TITLES = {

@@ -12,7 +12,7 @@ import pyarrow as pa
 from pyarrow import parquet
 
 from bags.orphans import die_with
-from bags.study.cells import Cell
+from bags.study.cells import StudyCell
 from bags.study.errors import StudyError
 from bags.study.evaluate import SCHEMA, evaluate
 from monitor.errors import MonitorError
@@ -22,7 +22,7 @@ _PARTS = "parts"
 
 
 def run_study(
-    cells: Sequence[Cell], out: Path, workers: int, progress: Callable[[int, int], None] | None = None
+    cells: Sequence[StudyCell], out: Path, workers: int, progress: Callable[[int, int], None] | None = None
 ) -> Path:
     """Run what is missing and write the table of all cells.
 
@@ -54,7 +54,7 @@ def run_study(
     return out / TABLE
 
 
-def _run_all(cells: Sequence[Cell], parts: dict[str, Path], workers: int, done: Callable[[int], object]) -> None:
+def _run_all(cells: Sequence[StudyCell], parts: dict[str, Path], workers: int, done: Callable[[int], object]) -> None:
     done(0)
     if not cells:
         return
@@ -80,7 +80,7 @@ def _run_all(cells: Sequence[Cell], parts: dict[str, Path], workers: int, done: 
             raise
 
 
-def _work(cell: Cell, path: Path) -> None:
+def _work(cell: StudyCell, path: Path) -> None:
     _write(evaluate(cell), path)
 
 

@@ -8,23 +8,12 @@ from typing import Any, final
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
-from scipy import stats
 
 from bags.study.settings import NO_ATTACK
+from monitor.measures import Measured, block_bootstrap, clopper_pearson, median, more_often, trials_needed
+from monitor.measures.contrast import LIMIT, TRIALS
 
-_CONFIDENCE = 0.95
-_RESAMPLES = 2000
 _SEED = 0  # of the bootstrap: a table has one summary
-
-
-@final
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Interval:
-    """An estimate with its 95 % interval; NaN where there is none."""
-
-    value: float
-    low: float
-    high: float
 
 
 @final
@@ -40,18 +29,18 @@ class OperatingPoint:
         attack: Name of the attack.
         accepted: Share of the links that an observer was designed for.
         runs: How many runs.
-        false_alarm_rate: Share of armed attack-free samples with an alarm; bootstrap over the seeds, whose runs are
-            independent while their samples are not; without any alarm the exact limit for independent samples.
+        false_alarm_rate: Share of armed attack-free samples with an alarm; bootstrap over the seeds, ten or more, whose
+            runs are independent while their samples are not; without any alarm the exact limit for independent samples.
         detected: Share of the runs in which an attacked link alarmed during the attack; Clopper-Pearson.
         by_chance: Share of the runs without the attack in which one of the same links alarmed in the same window: a
             detection that happens as often says nothing; Clopper-Pearson.
-        delay_sec: Median time from the attack's start to that alarm, among the runs that saw it [s]; bootstrap.
+        delay_sec: Median time from the attack's start to that alarm, among the runs that saw it [s]; order statistics.
         wrong_accusations: Share of the runs in which a link that is not attacked alarmed during the attack;
             Clopper-Pearson.
         mean_voltage_until_alarm_v: Largest |<V> - <V_ref>| until that alarm, or the end, median of the runs [V];
-            bootstrap.
+            order statistics.
         mean_voltage_v: The same for the whole run.
-        sharing_until_alarm: Largest minus smallest I_t / I^r until that alarm, or the end, median; bootstrap.
+        sharing_until_alarm: Largest minus smallest I_t / I^r until that alarm, or the end, median; order statistics.
         sharing: The same for the whole run.
     """
 
@@ -62,30 +51,35 @@ class OperatingPoint:
     attack: str
     accepted: float
     runs: int
-    false_alarm_rate: Interval
-    detected: Interval
-    by_chance: Interval
-    delay_sec: Interval
-    wrong_accusations: Interval
-    mean_voltage_until_alarm_v: Interval
-    mean_voltage_v: Interval
-    sharing_until_alarm: Interval
-    sharing: Interval
+    false_alarm_rate: Measured
+    detected: Measured
+    by_chance: Measured
+    delay_sec: Measured
+    wrong_accusations: Measured
+    mean_voltage_until_alarm_v: Measured
+    mean_voltage_v: Measured
+    sharing_until_alarm: Measured
+    sharing: Measured
+
+    @property
+    def hits(self) -> tuple[int, int]:
+        """Runs that were detected, and runs without the attack in which the same links alarmed."""
+        detected, by_chance = (round(one.value * self.runs) for one in (self.detected, self.by_chance))
+        return detected, by_chance
 
     @property
     def seen(self) -> bool:
         """Whether the attack is detected more often than its absence: Fisher's exact test, one-sided, at 2.5 %."""
-        hits = [round(one.value * self.runs) for one in (self.detected, self.by_chance)]
-        table = np.array([[count, self.runs - count] for count in hits])
-        return bool(stats.fisher_exact(table, alternative="greater").pvalue < (1.0 - _CONFIDENCE) / 2.0)
+        return more_often(*self.hits, self.runs) < LIMIT
 
     def row(self) -> dict[str, object]:
         """Return the point as one flat row."""
         found: dict[str, object] = {}
         for name in self.__dataclass_fields__:
             value = getattr(self, name)
-            if isinstance(value, Interval):
-                found |= {name: value.value, f"{name}_low": value.low, f"{name}_high": value.high}
+            if isinstance(value, Measured):
+                low, high = (np.nan, np.nan) if value.interval is None else (value.interval.low, value.interval.high)
+                found |= {name: value.value, f"{name}_low": low, f"{name}_high": high}
             else:
                 found[name] = value
         return found
@@ -101,6 +95,7 @@ class Comparison:
         attack: Name of the attack.
         best: Of the points that see the attack, the one with most runs detected, then the shortest delay; None: none.
         candidates: How many points kept the limit.
+        nobody: Why there is no best one, in words; "" where there is one.
         mean_voltage_v: Largest |<V> - <V_ref>| of a run in which nobody acts [V].
         sharing: Largest minus smallest I_t / I^r of such a run.
     """
@@ -109,8 +104,9 @@ class Comparison:
     attack: str
     best: OperatingPoint | None
     candidates: int
-    mean_voltage_v: Interval
-    sharing: Interval
+    nobody: str
+    mean_voltage_v: Measured
+    sharing: Measured
 
 
 def operating_points(table: pa.Table) -> tuple[OperatingPoint, ...]:
@@ -148,11 +144,26 @@ def compare(points: Sequence[OperatingPoint], false_alarm_limit: float) -> tuple
                 attack=attack,
                 best=best,
                 candidates=len(kept),
+                nobody="" if best is not None else _nobody(kept),
                 mean_voltage_v=mine[0].mean_voltage_v,
                 sharing=mine[0].sharing,
             )
         )
     return tuple(found)
+
+
+def _nobody(kept: Sequence[OperatingPoint]) -> str:
+    """Say why no point is best: nobody keeps the limit, the seeds cannot tell, or nobody sees the attack."""
+    if not kept:
+        return "nobody keeps the limit"
+    hopeful = max(kept, key=lambda point: point.detected.value - point.by_chance.value)
+    hits, runs = hopeful.hits, hopeful.runs
+    needed = trials_needed(*hits, runs)
+    if needed is not None:
+        return f"too few seeds to tell ({runs}; {needed} would)"
+    if more_often(runs, 0, runs) >= LIMIT:  # not even a detection in every run would show
+        return f"too few seeds to tell ({runs}; {TRIALS[0]} might)"
+    return f"nobody sees it ({hits[0]} of {runs} runs, {hits[1]} without the attack)"
 
 
 def _grouped(keys: Sequence[tuple[Any, ...]]) -> dict[tuple[Any, ...], NDArray[np.int64]]:
@@ -164,18 +175,18 @@ def _grouped(keys: Sequence[tuple[Any, ...]]) -> dict[tuple[Any, ...], NDArray[n
     return {key: np.array(rows) for key, rows in found.items()}
 
 
-def _by_chance(rows: Mapping[str, NDArray[Any]], attacked: Mapping[str, NDArray[Any]]) -> Interval:
+def _by_chance(rows: Mapping[str, NDArray[Any]], attacked: Mapping[str, NDArray[Any]]) -> Measured:
     """Return how often the attacked links alarm in the window of the attack when there is none."""
     under = attacked["attacked"].astype(bool)
     links = set(zip(attacked["source"][under], attacked["target"][under], strict=True))
     same = np.array([link in links for link in zip(rows["source"], rows["target"], strict=True)])
     free = (rows["attack"] == NO_ATTACK) & same
     hits = [bool(rows["detected"][free & (rows["seed"] == seed)].any()) for seed in dict.fromkeys(rows["seed"])]
-    return _share(sum(hits), len(hits))
+    return clopper_pearson(sum(hits), len(hits))
 
 
 def _point(
-    names: Mapping[str, Any], attack: str, rows: Mapping[str, NDArray[Any]], rate: Interval, chance: Interval
+    names: Mapping[str, Any], attack: str, rows: Mapping[str, NDArray[Any]], rate: Measured, chance: Measured
 ) -> OperatingPoint:
     """Put the runs of one attack together."""
     attacked = rows["attacked"].astype(bool)
@@ -192,54 +203,23 @@ def _point(
         accepted=float(rows["accepted"].mean()),
         runs=len(by_seed),
         false_alarm_rate=rate,
-        detected=_share(sum(seen), len(seen)),
+        detected=clopper_pearson(sum(seen), len(seen)),
         by_chance=chance,
-        delay_sec=_median(delays),
-        wrong_accusations=_share(sum(accused), len(accused)),
-        mean_voltage_until_alarm_v=_median(rows["mean_voltage_until_alarm_v"][first]),
-        mean_voltage_v=_median(rows["mean_voltage_v"][first]),
-        sharing_until_alarm=_median(rows["sharing_until_alarm"][first]),
-        sharing=_median(rows["sharing"][first]),
+        delay_sec=median(np.array(delays)),
+        wrong_accusations=clopper_pearson(sum(accused), len(accused)),
+        mean_voltage_until_alarm_v=median(rows["mean_voltage_until_alarm_v"][first]),
+        mean_voltage_v=median(rows["mean_voltage_v"][first]),
+        sharing_until_alarm=median(rows["sharing_until_alarm"][first]),
+        sharing=median(rows["sharing"][first]),
     )
 
 
-def _false_alarm_rate(rows: Mapping[str, NDArray[Any]]) -> Interval:
+def _false_alarm_rate(rows: Mapping[str, NDArray[Any]]) -> Measured:
     """Return the share of attack-free armed samples with an alarm, from the runs without any attack."""
     free = rows["attack"] == NO_ATTACK
     seeds = list(dict.fromkeys(rows["seed"][free]))
     alarms = np.array([rows["clean_alarm_steps"][free & (rows["seed"] == seed)].sum() for seed in seeds])
     steps = np.array([rows["clean_steps"][free & (rows["seed"] == seed)].sum() for seed in seeds])
-    total = int(steps.sum())
-    if not total:
-        return Interval(value=np.nan, low=np.nan, high=np.nan)
-    if not alarms.sum():
-        return _share(0, total)
-    value = float(alarms.sum() / total)
-    low, high = _bootstrap((alarms, steps), lambda a, n: a.sum(axis=-1) / np.maximum(n.sum(axis=-1), 1))
-    return Interval(value=value, low=low, high=high)
-
-
-def _share(hits: int, trials: int) -> Interval:
-    found = stats.binomtest(hits, trials)
-    limits = found.proportion_ci(_CONFIDENCE, method="exact")
-    return Interval(value=hits / trials, low=float(limits.low), high=float(limits.high))
-
-
-def _median(sample: Sequence[float] | NDArray[Any]) -> Interval:
-    values = np.asarray(sample, dtype=np.float64)
-    if not len(values):
-        return Interval(value=np.nan, low=np.nan, high=np.nan)
-    low, high = _bootstrap((values,), lambda one: np.median(one, axis=-1))
-    return Interval(value=float(np.median(values)), low=low, high=high)
-
-
-def _bootstrap(data: tuple[NDArray[Any], ...], statistic: Any) -> tuple[float, float]:  # noqa: ANN401 - reduces the last axis
-    """Return the limits of the percentile bootstrap over the first and only axis; NaN for a single value."""
-    if len(data[0]) < 2:  # noqa: PLR2004 - one value says nothing about its spread
-        return float("nan"), float("nan")
-    generator = np.random.default_rng(_SEED)
-    picks = generator.integers(len(data[0]), size=(_RESAMPLES, len(data[0])))
-    spread = statistic(*(one[picks] for one in data))
-    tail = 50.0 * (1.0 - _CONFIDENCE)
-    low, high = np.percentile(spread, [tail, 100.0 - tail])
-    return float(low), float(high)
+    if steps.sum() and not alarms.sum():
+        return clopper_pearson(0, int(steps.sum()))
+    return block_bootstrap(alarms.astype(np.float64), steps.astype(np.float64), seed=_SEED)

@@ -20,7 +20,7 @@ from dcmg.shipped import scenario_path
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from bags.study import Cell, Comparison
+    from bags.study import Comparison, StudyCell
 
 _EXIT_INTERRUPTED = 130
 _PIPED_WIDTH = 160
@@ -94,7 +94,7 @@ def study(
         typer.echo(one)
 
 
-def _run(cells: Sequence[Cell], folder: Path, workers: int, *, quiet: bool) -> object:
+def _run(cells: Sequence[StudyCell], folder: Path, workers: int, *, quiet: bool) -> object:
     from pyarrow import parquet  # noqa: PLC0415 (takes its time)
 
     from bags.study import run_study  # noqa: PLC0415 (idem)

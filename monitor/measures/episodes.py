@@ -14,7 +14,7 @@ if TYPE_CHECKING:
 
     from numpy.typing import NDArray
 
-    from monitor.measures.intervals import Estimate
+    from monitor.measures.intervals import Measured
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -65,7 +65,7 @@ def detect(alarm: NDArray[np.bool_], attack: tuple[int, int], sampling_period_se
     )
 
 
-def missed_rate(episodes: Iterable[Episode], level: float = 0.95) -> Estimate:
+def missed_rate(episodes: Iterable[Episode], level: float = 0.95) -> Measured:
     """Share of the attacks that nobody saw while they ran."""
     missed = [not one.detected for one in episodes]
     return clopper_pearson(sum(missed), len(missed), level)

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     import numpy as np
     from numpy.typing import NDArray
 
-    from monitor.measures.intervals import Estimate
+    from monitor.measures.intervals import Measured
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -40,14 +40,14 @@ class EstimateErrors:
     """
 
     samples: int
-    mse: tuple[Estimate, ...]
-    mae: tuple[Estimate, ...]
+    mse: tuple[Measured, ...]
+    mae: tuple[Measured, ...]
 
 
 def estimate_errors(sums: ErrorSums, *, seed: int, level: float = 0.95) -> EstimateErrors:
     """MSE and MAE with intervals by blocks."""
 
-    def means(of: NDArray[np.float64]) -> tuple[Estimate, ...]:
+    def means(of: NDArray[np.float64]) -> tuple[Measured, ...]:
         columns = zip(of.T, sums.count.T, strict=True)
         return tuple(block_bootstrap(above, below, seed=seed, level=level) for above, below in columns)
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monitor.measures.edges import onsets
-from monitor.measures.intervals import Estimate, block_bootstrap, block_sums, clopper_pearson, mean_time_between
+from monitor.measures.intervals import Measured, block_bootstrap, block_sums, clopper_pearson, mean_time_between
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -36,9 +36,9 @@ class AlarmRates:
     false_alarms: int
     attacked_samples: int
     seen_samples: int
-    false_alarm_rate: Estimate
-    mean_time_between_sec: Estimate
-    seen_rate: Estimate
+    false_alarm_rate: Measured
+    mean_time_between_sec: Measured
+    seen_rate: Measured
 
 
 def under_attack(steps: int, attacks: Sequence[tuple[int, int]]) -> NDArray[np.bool_]:
@@ -101,7 +101,7 @@ def alarm_rates(
     )
 
 
-def _rate(hits: NDArray[np.bool_], among: NDArray[np.bool_], block_steps: int, seed: int, level: float) -> Estimate:
+def _rate(hits: NDArray[np.bool_], among: NDArray[np.bool_], block_steps: int, seed: int, level: float) -> Measured:
     """Bootstrap where there is something to draw; all or nothing has no spread, so its limit is the binomial one."""
     successes, trials = int(np.count_nonzero(hits)), int(np.count_nonzero(among))
     if successes in {0, trials}:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from monitor.measures.intervals import Estimate, clopper_pearson
+from monitor.measures.intervals import Measured, clopper_pearson
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Isolation:
+class Confusion:
     """Confusion of links.
 
     Attributes:
@@ -30,8 +30,8 @@ class Isolation:
 
     samples: NDArray[np.int64]
     attacked_samples: NDArray[np.int64]
-    first_right: Estimate
-    exact: Estimate
+    first_right: Measured
+    exact: Measured
 
 
 def isolation(
@@ -40,7 +40,7 @@ def isolation(
     judged: NDArray[np.bool_],
     attacks: Sequence[tuple[int, int]],
     level: float = 0.95,
-) -> Isolation:
+) -> Confusion:
     """Count accusations by what was attacked; attacks that overlap in time are judged as one set.
 
     Args:
@@ -63,7 +63,7 @@ def isolation(
             first = np.flatnonzero(during.any(axis=1))[0]
             first_made += 1
             first_right += bool((during[first] & under[first]).any())
-    return Isolation(
+    return Confusion(
         samples=truth.T.astype(np.int64) @ accused.astype(np.int64),
         attacked_samples=truth.sum(axis=0, dtype=np.int64),
         first_right=clopper_pearson(first_right, first_made, level),

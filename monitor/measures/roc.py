@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from monitor.measures.intervals import RESAMPLES, Estimate, Interval, resample_weights
+from monitor.measures.intervals import RESAMPLES, Interval, Measured, resample_weights
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -32,7 +32,7 @@ class Roc:
     false_positive_rate: NDArray[np.float64]
     true_positive_rate: NDArray[np.float64]
     limit: NDArray[np.float64]
-    area: Estimate
+    area: Measured
 
 
 def roc(
@@ -68,7 +68,7 @@ def roc(
         false_positive_rate=1.0 - np.searchsorted(negative, limit) / len(negative),
         true_positive_rate=1.0 - np.searchsorted(positive, limit) / len(positive),
         limit=limit,
-        area=Estimate(value=_area(positive, negative), interval=_interval(areas, level)),
+        area=Measured(value=_area(positive, negative), interval=_interval(areas, level)),
     )
 
 

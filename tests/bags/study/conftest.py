@@ -5,7 +5,7 @@ from pathlib import Path
 
 import pytest
 
-from bags.study import Cell, Study, cells_of, load_study
+from bags.study import Study, StudyCell, cells_of, load_study
 from dcmg.shipped import scenario_path
 
 TINY = """
@@ -43,7 +43,7 @@ def tiny(tiny_file: Path) -> Study:
 
 
 @pytest.fixture
-def cells(tiny: Study) -> tuple[Cell, ...]:
+def cells(tiny: Study) -> tuple[StudyCell, ...]:
     """Its cells."""
     return cells_of(tiny, "tiny.yaml", scenario_path)
 

@@ -11,7 +11,7 @@ from pyarrow import parquet
 
 from bags.runs.offline import simulate_to_bag
 from bags.runs.reader import read_run
-from bags.study import Cell, StudyError, cells_of, compare, load_study, operating_points, run_study
+from bags.study import StudyCell, StudyError, cells_of, compare, load_study, operating_points, run_study
 from bags.study.evaluate import evaluate
 from bags.study.figures import write_results
 from bags.study.settings import NO_ATTACK, Study
@@ -39,7 +39,7 @@ def test_every_combination_has_a_row(table: pa.Table) -> None:
     assert {row["seed"] for row in table.to_pylist()} == {1, 2, 3, 4}
 
 
-def test_rows_are_those_of_a_simulated_run(table: pa.Table, cells: tuple[Cell, ...], tmp_path: Path) -> None:
+def test_rows_are_those_of_a_simulated_run(table: pa.Table, cells: tuple[StudyCell, ...], tmp_path: Path) -> None:
     """A bag of the same scenario and seed gives the same detection, delay and residuals, bit for bit."""
     detector = {"kind": "fixed", "options": {"settle_sec": 0.5, "calibrate_sec": 1.5, "margin": 2.0}}
     document = cells[0].scenarios["bias"].model_dump(mode="json")
@@ -93,7 +93,8 @@ def test_what_is_seen_and_what_is_not(table: pa.Table, tmp_path: Path) -> None:
     assert comparisons["stealthy"].best is None
     assert comparisons["stealthy"].mean_voltage_v.value > 1e-3
     for point in points:
-        assert point.detected.low <= point.detected.value <= point.detected.high
+        assert point.detected.interval is not None
+        assert point.detected.interval.low <= point.detected.value <= point.detected.interval.high
         if point.attack == "stealthy":
             assert point.detected.value == point.by_chance.value
             assert not point.seen
@@ -115,13 +116,13 @@ def test_a_lower_threshold_alarms_more(table: pa.Table) -> None:
 
 
 def test_an_interrupted_study_goes_on(
-    cells: tuple[Cell, ...], table: pa.Table, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    cells: tuple[StudyCell, ...], table: pa.Table, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Cells that were finished are not done again, and the table is that of an uninterrupted study."""
     run_study(cells[:1], tmp_path, workers=1)
     done: list[str] = []
 
-    def counted(cell: Cell) -> pa.Table:
+    def counted(cell: StudyCell) -> pa.Table:
         (tmp_path / f"did_{cell.observer.name}").touch()
         return evaluate(cell)
 
@@ -132,7 +133,7 @@ def test_an_interrupted_study_goes_on(
     assert repr(parquet.read_table(path).to_pylist()) == repr(table.to_pylist())  # NaN is NaN, bit for bit otherwise
 
 
-def test_other_settings_are_other_cells(tiny: Study, cells: tuple[Cell, ...]) -> None:
+def test_other_settings_are_other_cells(tiny: Study, cells: tuple[StudyCell, ...]) -> None:
     """A kept cell is used only for exactly what it was computed from."""
     for change in ({"seeds": 5}, {"attack_start_sec": 3.5}, {"set": ("duration_sec=4.5",)}):
         others = cells_of(Study.model_validate({**tiny.model_dump(), **_flat(tiny), **change}), "other", scenario_path)
@@ -200,10 +201,24 @@ def test_every_key_is_documented() -> None:
         assert f"`{name}`" in page, name
 
 
-def test_intervals_cover(table: pa.Table) -> None:
-    """A median's bootstrap interval holds the median; with one seed there is none."""
+def test_few_seeds_have_no_median_interval(table: pa.Table) -> None:
+    """Four seeds have a median and no interval; a share has one whatever the number."""
     (point, *_) = operating_points(table)
-    assert point.mean_voltage_v.low <= point.mean_voltage_v.value <= point.mean_voltage_v.high
-    one = table.filter(pa.compute.equal(table["seed"], 1))
-    (point, *_) = operating_points(one)
-    assert np.isnan(point.mean_voltage_v.low)
+    assert point.mean_voltage_v.value > 0.0
+    assert point.mean_voltage_v.interval is None
+    assert point.row()["detected_low"] == point.detected.interval.low if point.detected.interval else False
+
+
+def test_too_few_seeds_are_said_with_the_number_that_would_do(table: pa.Table) -> None:
+    """Three detections of four and none without the attack are no proof, and are not called unseen."""
+    rows = table.to_pylist()
+    for row in rows:
+        if row["attack"] == "bias" and row["seed"] == 1:
+            row["detected"] = False
+    found = {one.attack: one for one in compare(operating_points(pa.Table.from_pylist(rows, table.schema)), 1e-2)}
+    assert found["bias"].best is None
+    assert found["bias"].nobody == "too few seeds to tell (4; 20 would)"
+    assert found["stealthy"].nobody.startswith("nobody sees it (")
+    few = table.filter(pa.compute.less(table["seed"], 3))
+    found = {one.attack: one for one in compare(operating_points(few), 1e-2)}
+    assert found["bias"].nobody == "too few seeds to tell (2; 8 would)"

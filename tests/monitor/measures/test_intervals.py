@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.stats import binom, poisson
 
-from monitor.measures import block_bootstrap, block_sums, clopper_pearson, mean_time_between
+from monitor.measures import block_bootstrap, block_sums, clopper_pearson, mean_time_between, median
 
 
 @given(successes=st.integers(0, 30), more=st.integers(0, 200))
@@ -91,3 +91,19 @@ def test_few_blocks_give_no_interval() -> None:
     found = block_bootstrap(np.arange(4.0), np.ones(4), seed=0)
     assert (found.value, found.interval) == (1.5, None)
     assert math.isnan(block_bootstrap(np.zeros(0), np.zeros(0), seed=0).value)
+
+
+@given(count=st.integers(6, 60))
+def test_the_median_lies_between_two_order_statistics(count: int) -> None:
+    """The interval leaves out at most 5 %, and the next narrower one would leave out more."""
+    found = median(np.arange(count, dtype=np.float64)[::-1]).interval
+    assert found is not None
+    kept = int(found.low) + 1  # the k-th smallest of 0, 1, ... is k - 1
+    assert found.high == count - kept
+    assert 2.0 * binom.cdf(kept - 1, count, 0.5) <= 0.05 < 2.0 * binom.cdf(kept, count, 0.5)
+
+
+def test_few_values_have_a_median_and_no_interval() -> None:
+    """Five values cannot have an interval of 95 %, and no value has no median."""
+    assert median(np.arange(5.0)).interval is None
+    assert math.isnan(median(np.empty(0)).value)
