@@ -221,4 +221,4 @@ def test_too_few_seeds_are_said_with_the_number_that_would_do(table: pa.Table) -
     assert found["stealthy"].nobody.startswith("nobody sees it (")
     few = table.filter(pa.compute.less(table["seed"], 3))
     found = {one.attack: one for one in compare(operating_points(few), 1e-2)}
-    assert found["bias"].nobody == "too few seeds to tell (2; 8 would)"
+    assert found["bias"].nobody == "too few seeds to tell (2; 12 would)"
