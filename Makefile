@@ -6,6 +6,7 @@ MSGS := ros_ws/src/dcmg_msgs
 INTERFACES := $(wildcard $(MSGS)/msg/*.msg $(MSGS)/srv/*.srv) $(MSGS)/CMakeLists.txt $(MSGS)/package.xml
 PROJECTS := pyproject.toml constraints.txt $(wildcard ros_ws/src/*/setup.py ros_ws/src/*/setup.cfg)
 BUILD := $(VENV)/build/dcmg_msgs
+LOWEST := tests/monitor tests/papers tests/bags/test_golden.py
 # What turns a folder of ROS packages into the place where CMake looks for them.
 ON_WHEELS = AMENT_PREFIX_PATH=$(abspath $(VENV)) CMAKE_PREFIX_PATH=$(abspath $(VENV))
 PYTHON_ARG = -DPython3_EXECUTABLE=$(abspath $(PY))
@@ -16,7 +17,7 @@ unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH 
 unexport RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
 endif
 
-.PHONY: help demo test lint fuzz bench colcon install clean FORCE
+.PHONY: help demo test lint kernels lowest fuzz bench colcon install clean FORCE
 .DELETE_ON_ERROR:
 
 help: ## this list
@@ -34,6 +35,14 @@ lint: install ## import contracts, ruff, formatting, mypy --strict
 	@$(VENV)/bin/ruff check
 	@$(VENV)/bin/ruff format --check
 	@$(VENV)/bin/mypy
+
+kernels: install ## the numerical tests under two other BLAS kernels that this processor can run
+	@$(PY) tests/kernels.py
+
+lowest: $(VENV)/complete ## the numerical tests with the lowest versions that pyproject.toml allows
+	@$(PY) -m venv --clear $(VENV)/lowest
+	@$(VENV)/lowest/bin/python -m pip install -qq -r .ci/lowest.txt
+	@OPENBLAS_NUM_THREADS=1 $(VENV)/lowest/bin/python -m pytest -p no:cacheprovider $(LOWEST)
 
 MINUTES := 10
 fuzz: install ## random plants against every design, MINUTES=10 (docs/fuzz.md)

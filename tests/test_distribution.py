@@ -5,10 +5,13 @@ from __future__ import annotations
 import shutil
 import subprocess
 import sys
+import tomllib
 import zipfile
 from pathlib import Path
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.version import Version
 
 ROOT = Path(__file__).parents[1]
 PACKAGES = ("bags", "dgu_sim", "monitor")
@@ -51,3 +54,19 @@ def test_wheel_holds_the_golden_bags(wheel_files: set[str]) -> None:
     golden = {str(path.relative_to(ROOT)) for path in folder.rglob("*") if path.suffix in {".mcap", ".yaml", ".json"}}
     assert any(path.endswith(".mcap") for path in golden)
     assert golden <= wheel_files
+
+
+def test_lower_bounds_are_what_the_lowest_run_installs() -> None:
+    """Every dependency has a lower bound, and `make lowest` tries that very version."""
+    lines = (ROOT / ".ci/lowest.txt").read_text(encoding="utf-8").splitlines()
+    tried: dict[str, Version] = {}
+    for line in lines:
+        name, _, rest = line.partition("==")
+        if rest:
+            tried.setdefault(name, Version(rest.split(";")[0].strip()))
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    for wanted in map(Requirement, project["dependencies"]):
+        (bound,) = [one.version for one in wanted.specifier if one.operator == ">="]
+        assert tried[wanted.name] == Version(bound), wanted.name
+    every = [*project["dependencies"], *(one for extra in project["optional-dependencies"].values() for one in extra)]
+    assert not [one for one in every if not Requirement(one).specifier]
