@@ -43,8 +43,9 @@ def run_experiments(scenario: Scenario, dgu: int) -> tuple[ExperimentData, ...]:
     """Run the offline experiments of one DGU: random initial state, exciting unknown input.
 
     x(0) ~ U(-s, s); in every sample the load current is its operating value + U(-s, s), the reference
-    V_ref + U(-s, s), and, where the DGU hangs on its lines, each neighbour's voltage V_ref,j + U(-s, s). With
-    history.plant `joint` all DGUs connected to this one are excited like this and integrated together.
+    V_ref + U(-s, s), and, where the DGU hangs on its lines, each neighbour's voltage V_ref,j + U(-s, s); with another
+    `history.excitation` than `uniform` its signals take the place of U(-1, 1). With history.plant `joint` all DGUs
+    connected to this one are excited like this and integrated together.
 
     Args:
         scenario: Its `history` section says how.
@@ -90,9 +91,9 @@ def _own(scenario: Scenario, dgu: int, number: int) -> _Trajectory:
     x = _initial(scenario, generator)
     load, reference = _inputs(scenario, dgu, generator)
     spread = scenario.history.voltage_spread_v
+    moved = scenario.history.excitation.signals(generator, len(others), scenario.history.samples) if others else ()
     voltages = {
-        other: scenario.dgu(other).reference_v + spread * generator.uniform(-1.0, 1.0, scenario.history.samples)
-        for other in others
+        other: scenario.dgu(other).reference_v + spread * drawn for other, drawn in zip(others, moved, strict=True)
     }
     rows = [x]
     for k in range(scenario.history.samples - 1):
@@ -153,7 +154,7 @@ def _initial(scenario: Scenario, generator: np.random.Generator) -> Vector:
 def _inputs(scenario: Scenario, dgu: int, generator: np.random.Generator) -> tuple[list[float], list[float]]:
     """Return load current [A] and reference [V] of every sample."""
     settings, history = scenario.dgu(dgu), scenario.history
-    drawn = generator.uniform(-1.0, 1.0, (2, history.samples))
+    drawn = history.excitation.signals(generator, 2, history.samples)
     load = settings.nominal_load + history.load_spread_a * drawn[0]
     reference = settings.reference_v + history.reference_spread_v * drawn[1]
     return [float(value) for value in load], [float(value) for value in reference]

@@ -58,7 +58,7 @@ def _experiment(scenario: Scenario, number: int) -> ExperimentData:
 def _inputs(scenario: Scenario, samples: int, generator: np.random.Generator) -> FloatArray:
     nominal = np.array([[one.nominal_load, one.reference_v] for one in scenario.dgus])
     spread = np.array([scenario.history.load_spread_a, scenario.history.reference_spread_v])
-    drawn = generator.uniform(-1.0, 1.0, (samples, *nominal.shape))
+    drawn = scenario.history.excitation.rows(generator, nominal.size, samples).reshape(samples, *nominal.shape)
     return (nominal + spread * drawn).reshape(samples, INPUTS * len(nominal))
 
 

@@ -15,6 +15,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from dgu_sim.attacks import KINDS, Attack
+from dgu_sim.excitation import Excitation, UniformExcitation
 from dgu_sim.explain import explain
 from dgu_sim.grid import Link
 from dgu_sim.loads import Load
@@ -202,6 +203,9 @@ class HistorySettings(Frozen):
     )
     voltage_spread_v: NonNegative = Field(
         default=1.0, description="Neighbour voltages ~ their reference_v + U(-s, s), new each sample [V]."
+    )
+    excitation: Excitation = Field(
+        default_factory=UniformExcitation, description="How load, reference and neighbour voltages move within that."
     )
     noise_std: NonNegative = Field(
         default=0.0, description="Standard deviation of Gaussian noise on every recorded number."

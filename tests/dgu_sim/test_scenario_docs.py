@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
-from dgu_sim import loads, monitor_settings, noise, poison, settings, team_settings
+from dgu_sim import excitation, loads, monitor_settings, noise, poison, settings, team_settings
 from dgu_sim.attacks import KINDS
 from dgu_sim.detector_defaults import DETECTORS, filled_in
 from dgu_sim.errors import ScenarioError
@@ -37,6 +37,9 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "Noise: gaussian": noise.GaussianNoise,
     "Noise: student": noise.StudentNoise,
     "history": settings.HistorySettings,
+    "Excitation: uniform": excitation.UniformExcitation,
+    "Excitation: prbs": excitation.PrbsExcitation,
+    "Excitation: multisine": excitation.MultisineExcitation,
     "monitor": settings.MonitorSettings,
     "monitor.observer": settings.ObserverSettings,
     "monitor.detector": settings.DetectorSettings,
@@ -115,7 +118,7 @@ def test_every_model_of_a_scenario_has_a_section() -> None:
     """A new load, noise or section cannot be forgotten."""
     found = {
         value
-        for module in (loads, monitor_settings, noise, settings, team_settings, poison)
+        for module in (excitation, loads, monitor_settings, noise, settings, team_settings, poison)
         for value in vars(module).values()
         if isinstance(value, type) and issubclass(value, BaseModel) and value.__module__ == module.__name__
     }
