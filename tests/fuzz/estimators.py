@@ -10,7 +10,7 @@ import numpy as np
 from monitor.input_estimators import design
 from tests.fuzz.fresh import fresh_run, linear_of, misfit, outputs_of, steps_for
 from tests.fuzz.judge import Outcome, Result, acceptance, refusal
-from tests.fuzz.observers import LARGE, generator_of
+from tests.fuzz.observers import LARGE, generator_of, unless_like_noise
 from tests.fuzz.oracle import Answer, Truth, evidence, observer_truth
 from tests.fuzz.plants import Limits, Plant, draw_plant
 from tests.fuzz.recordings import Needs, Recording, draw_recording
@@ -64,7 +64,8 @@ def try_estimator(kind: str, seed: int) -> Result:
 
 def truth_of(plant: Plant, recording: Recording, delay: int, radius: float) -> Truth:
     """An observer must exist, and the inputs must be told apart by what they do to the state."""
-    truth = observer_truth(plant, evidence(plant, recording), delay=delay, radius=radius)
+    data = unless_like_noise(plant, recording, evidence(plant, recording))
+    truth = observer_truth(plant, data, delay=delay, radius=radius)
     values = np.linalg.svd(np.vstack([plant.E, plant.G]), compute_uv=False)
     apart = float(values[-1] / values[0]) if len(values) else 1.0
     if apart < 1e-10:

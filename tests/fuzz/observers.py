@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 from zlib import crc32
 
@@ -12,7 +12,7 @@ from monitor.observers import design
 from tests.fuzz.bounded import bounded_outcome
 from tests.fuzz.fresh import Misfit, Run, fresh_run, linear_of, misfit, outputs_of, steps_for
 from tests.fuzz.judge import Outcome, Result, acceptance, refusal
-from tests.fuzz.oracle import Answer, Evidence, Truth, effective, evidence, observer_truth
+from tests.fuzz.oracle import UNCLEAR, Answer, Evidence, Truth, effective, evidence, observer_truth
 from tests.fuzz.plants import Limits, Plant, draw_plant
 from tests.fuzz.recordings import Needs, Recording, draw_recording
 from tests.fuzz.stated import stated_error
@@ -97,6 +97,8 @@ def _what_is_known(
 def truth_of(case: Case) -> tuple[Truth, Evidence]:
     """What is possible."""
     data = evidence(case.plant, case.recording)
+    if "unknown_inputs" not in case.options:
+        data = unless_like_noise(case.plant, case.recording, data)
     goal = case.options.get("goal")
     delay = case.options.get("delay", 1)
     assert isinstance(delay, int)
@@ -104,6 +106,13 @@ def truth_of(case: Case) -> tuple[Truth, Evidence]:
     if goal in {None, "exact"} or (goal == "best" and exact.answer is Answer.YES):
         return exact, data
     return observer_truth(case.plant, data, delay=delay, radius=1.0, decouple=False), data
+
+
+def unless_like_noise(plant: Plant, recording: Recording, data: Evidence) -> Evidence:
+    """As many unknown inputs as states move everything, as noise does: only who is told their number can know."""
+    everything = np.linalg.matrix_rank(effective(plant)[0], tol=1e-9) == len(plant.A)
+    hidden = everything or recording.quality in {"single", "noise"}
+    return replace(data, error=max(data.error, UNCLEAR)) if hidden else data
 
 
 def try_observer(kind: str, seed: int) -> Result:

@@ -23,6 +23,7 @@ _ZERO = 1e-10  # a margin below it is none
 _CLEAR = 1e-6  # zeros this close to the circle, and ranks this close to failing, are borderline
 _SAFETY = 1e4  # of what the data leave open: a margin below this much of it is borderline
 _TOLD = 1e-6  # relative error of a plant found from the data at which everything is told
+UNCLEAR = 1e-5  # relative error that makes any answer borderline
 _UNTOLD = 1e-1  # at which nothing is
 
 
