@@ -78,7 +78,7 @@ class MultisineExcitation(Frozen):
         phases = generator.uniform(0.0, 2.0 * np.pi, (count, len(harmonics), 1))
         angles = 2.0 * np.pi * harmonics[:, None] * np.arange(samples) / samples + phases
         summed = np.cos(angles).sum(axis=1)
-        return np.round(summed / np.abs(summed).max(axis=1, keepdims=True), _DIGITS)
+        return np.asarray(np.round(summed / np.abs(summed).max(axis=1, keepdims=True), _DIGITS), dtype=np.float64)
 
     def rows(self, generator: np.random.Generator, count: int, samples: int) -> FloatArray:
         """Return the same with time first, shape (samples, count)."""
