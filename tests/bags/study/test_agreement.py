@@ -9,7 +9,7 @@ import pytest
 from bags.runs.offline import simulate_to_bag
 from bags.runs.reader import read_run
 from bags.study import cells_of
-from bags.study.cells import Cell
+from bags.study.cells import StudyCell
 from bags.study.evaluate import evaluate
 from bags.study.settings import Study
 from dcmg.shipped import scenario_path
@@ -47,7 +47,7 @@ PARTS: dict[str, dict[str, Any]] = {
 @pytest.fixture(
     name="cell", scope="module", params=[(part, accept) for part in PARTS for accept in ("known_publisher", "newest")]
 )
-def _cell(request: pytest.FixtureRequest) -> Cell:
+def _cell(request: pytest.FixtureRequest) -> StudyCell:
     part, accept = request.param
     study = Study.model_validate(
         {
@@ -70,7 +70,7 @@ def test_every_attack_stands_here() -> None:
     assert set(ATTACKS) == set(KINDS)
 
 
-def test_a_study_concludes_as_a_run(cell: Cell, tmp_path: Path) -> None:
+def test_a_study_concludes_as_a_run(cell: StudyCell, tmp_path: Path) -> None:
     """For every attack, by residuals alone and by all tests: the alarms of a bag of the same scenario and seed."""
     table = evaluate(cell).to_pylist()
     for attack, base in cell.scenarios.items():
