@@ -7,3 +7,18 @@ class MonitorError(Exception):
 
 class HistoryError(MonitorError):
     """A history that no observer can be designed from; the line says what would fix it."""
+
+
+class OptionError(MonitorError):
+    """A setting that does not fit.
+
+    Attributes:
+        key: where it stands in the settings.
+        value: what was found, None: nothing in particular.
+        expected: what was expected.
+    """
+
+    def __init__(self, line: str, key: tuple[str, ...], value: object, expected: str) -> None:
+        """Say it in a line of its own, for who has no settings to point into."""
+        super().__init__(line)
+        self.key, self.value, self.expected = key, value, expected

@@ -2,27 +2,73 @@
 
 from __future__ import annotations
 
+import difflib
+from contextlib import contextmanager
+from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING, TypeVar
 
 from pydantic import TypeAdapter, ValidationError
 
-from monitor.errors import MonitorError
+from monitor.errors import HistoryError, MonitorError, OptionError
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Collection, Iterator, Mapping
 
 Options = TypeVar("Options")
+_UNKNOWN = {"unexpected_keyword_argument", "extra_forbidden"}
 
 
 def parse_options(kind: type[Options], options: Mapping[str, object], owner: str) -> Options:
     """Validate options against a frozen pydantic dataclass.
 
     Raises:
-        MonitorError: names the owner, the key, the value and what was expected.
+        OptionError: names the owner, the key, the value and what was expected.
     """
     try:
         return TypeAdapter(kind).validate_python(dict(options))
     except ValidationError as error:
         first = error.errors()[0]
-        key = ".".join(str(part) for part in first["loc"])
-        raise MonitorError(f"{owner}: option {key} = {first['input']!r}: {first['msg']}") from None
+        key = tuple(str(part) for part in first["loc"])
+        expected = first["msg"]
+        if first["type"] in _UNKNOWN and len(key) == 1 and is_dataclass(kind):
+            expected = f"no such option: {expected_one(key[0], [one.name for one in fields(kind)])}"
+        raise wrong_option(owner, key, first["input"], expected) from None
+
+
+def wrong_option(owner: str, key: tuple[str, ...], value: object, expected: str) -> OptionError:
+    """Return the error that an option has a value and something else was expected."""
+    return OptionError(f"{owner}: option {'.'.join(key)} = {value!r}: {expected}", ("options", *key), value, expected)
+
+
+def check_kind(what: str, kind: str, known: Collection[str]) -> None:
+    """See that a name is a known one.
+
+    Raises:
+        OptionError: it is not.
+    """
+    if kind not in known:
+        expected = expected_one(kind, sorted(known))
+        raise OptionError(f"{what} kind is {kind!r}, {expected}", ("kind",), kind, expected)
+
+
+def expected_one(found: str, known: Collection[str]) -> str:
+    """Name what is known, with the one that is probably meant."""
+    close = difflib.get_close_matches(found, known, 1)
+    return f"expected one of {', '.join(known)}" + (f"; did you mean {close[0]}?" if close else "")
+
+
+@contextmanager
+def within(*section: str) -> Iterator[None]:
+    """Say of every wrong option in which section of the settings it stands.
+
+    Raises:
+        OptionError: the same, its key from the root of the settings.
+    """
+    try:
+        yield
+    except HistoryError:
+        raise
+    except OptionError as error:
+        raise OptionError(str(error), (*section, *error.key), error.value, error.expected) from None
+    except MonitorError as error:
+        raise OptionError(str(error), section, None, str(error)) from None

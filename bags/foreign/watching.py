@@ -11,7 +11,7 @@ from bags.foreign.fields import FieldPath
 from bags.foreign.mapping import Mapping, Signal, StreamMapping
 from bags.foreign.sampling import Row, Values
 from bags.mcap.errors import BagError
-from bags.watch.designs import design_run
+from bags.watch.designs import design_run, said_of
 from bags.watch.histories import read_histories
 from bags.wire.convert import history_of
 from bags.wire.records import DesignRecord, HistoryRecord
@@ -133,12 +133,14 @@ def stream_monitors(mapping: Mapping, source: str, history: Path) -> StreamMonit
     for link, one in streams.items():
         _check_fits(source, one, link, histories[link.source])
     alone = MonitorSettings(observer=mapping.monitor.observer, detector=mapping.monitor.detector)
-    designs = design_run(topics, alone, histories)
+    with said_of(source):
+        designs = design_run(topics, alone, histories)
+        monitors = designs.monitors
     return StreamMonitors(
         topics=topics,
         fields=fields,
         readers=tuple(_reader(streams[link], fields) for link in topics.links),
-        monitors=tuple(link for monitor in designs.monitors for link in monitor.links),
+        monitors=tuple(link for monitor in monitors for link in monitor.links),
         designs=tuple(record for _, record in designs.messages()),
         histories=tuple(record for found in records.values() for record in found),
     )

@@ -18,7 +18,7 @@ from bags.runs.team_offline import TeamProgress, replayed_team, told_arrays
 from bags.watch.carried import Carried
 from bags.watch.combined import Watch
 from bags.watch.combined_arrays import CombinedFields
-from bags.watch.designs import design_run, team_told
+from bags.watch.designs import design_run, said_of, team_told
 from bags.watch.monitors import MonitorArrays, RunMonitors, monitors_of
 from bags.wire.arrays import measured
 from bags.wire.convert import history_of
@@ -125,7 +125,9 @@ def _prepare(record: RunRecord, overrides: Sequence[str], *, redesign: bool) -> 
             raise BagError(f"{record.path}: holds no /grid/history, expected the record of a run with monitor.team")
         team = team_told(scenario, topics, record.team.histories)
     carried = None if redesign else carried_by(record)
-    designs = design_run(topics, settings, histories_of(record), carried=carried, team=team)
+    with said_of(f"{record.path}/{SCENARIO_ATTACHMENT}", overrides):
+        designs = design_run(topics, settings, histories_of(record), carried=carried, team=team)
+        watch = _links(monitors_of(designs)) if topics.combined is None else _combined(Watch(designs=designs))
     records = [design for _, design in designs.messages()]
     estimators = len(record.links) if topics.has(Need.INPUTS) else 0
     progress = None
@@ -133,7 +135,7 @@ def _prepare(record: RunRecord, overrides: Sequence[str], *, redesign: bool) -> 
         progress = TeamProgress(team=designs.team, histories=record.team.histories)
     return _Prepared(
         topics=topics,
-        watch=_links(monitors_of(designs)) if topics.combined is None else _combined(Watch(designs=designs)),
+        watch=watch,
         designs=_by_link(records[: len(records) - estimators]),
         input_designs=_by_link(records[len(records) - estimators :]),
         attachments={**record.attachments, **attachment},

@@ -1,6 +1,7 @@
 """What all monitors of a run are designed to run: from histories, or as a bag carries it."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 from typing import NamedTuple, TypeAlias, final
 
@@ -13,15 +14,19 @@ from bags.wire.convert import design_record, history_of
 from bags.wire.documents import DesignCodec
 from bags.wire.records import DesignRecord, HistoryRecord
 from bags.wire.schema import RunTopics, topics_of
+from dgu_sim.errors import ScenarioError
 from dgu_sim.grid import Link
 from dgu_sim.scenario import Scenario
+from dgu_sim.scenario_file import raised_by
 from dgu_sim.settings import MonitorSettings
 from monitor import input_estimators, local
 from monitor.combined import CombinedDesign, CombinedPlan, DguMonitor, LocalPlan, design_own
+from monitor.errors import OptionError
 from monitor.history import History
 from monitor.input_estimators import EstimatorDesign
 from monitor.link_design import LinkDesign, carried_link, design_link
 from monitor.local import LocalDesign
+from monitor.options import within
 from monitor.team import TeamPlan
 
 _WIDTH = 3  # components of a received output
@@ -221,7 +226,8 @@ class _Maker:
         )
         if found is None and link.source not in self.links:
             kind, options = self.plan.observer
-            fresh = self.method(link.source, history) if self.method else design_link(kind, history, options)
+            with within("observer"):
+                fresh = self.method(link.source, history) if self.method else design_link(kind, history, options)
             self.links[link.source] = fresh
         return found or self.links[link.source]
 
@@ -235,7 +241,8 @@ class _Maker:
         )
         if found is None and link.source not in self.inputs:
             kind, options = self.plan.estimator
-            self.inputs[link.source] = input_estimators.design(kind, self.histories[link.source], options)
+            with within("plausibility", "estimator"):
+                self.inputs[link.source] = input_estimators.design(kind, self.histories[link.source], options)
         return found or self.inputs[link.source]
 
     def _own(self, monitor: int, plan: LocalPlan, links: Sequence[LinkDesign]) -> LocalDesign:
@@ -245,7 +252,30 @@ class _Maker:
             lambda settings: settings.local and settings.local.decay,
             lambda record: local.carried(record.certificate),
         )
-        return found or design_own(plan, links, self.histories[monitor])
+        if found is not None:
+            return found
+        with within("local"):
+            return design_own(plan, links, self.histories[monitor])
+
+
+@contextmanager
+def said_of(source: str, overrides: Sequence[str] = ()) -> Iterator[None]:
+    """Say of a wrong setting of the monitors where it was written: one line with file, key, value, what was expected.
+
+    Args:
+        source: The file, or whatever holds the settings.
+        overrides: What was changed in it, "monitor.a.b=value" each.
+
+    Raises:
+        ScenarioError: A setting does not fit.
+    """
+    try:
+        yield
+    except OptionError as error:
+        key = ("monitor", *error.key)
+        found = "" if error.value is None else f" = {error.value!r}"
+        line = f"{raised_by(key, overrides, source)}: {'.'.join(key)}{found}: {error.expected}"
+        raise ScenarioError(line) from error
 
 
 def incoming_links(topics: RunTopics, monitor: int) -> tuple[Link, ...]:

@@ -24,6 +24,7 @@ from monitor.link_design import LinkDesign
 from monitor.link_monitor import LinkMonitor, MonitorOutput, MonitorState
 from monitor.measures import changed
 from monitor.observers import LinearObserver, Observer
+from monitor.options import within
 
 _WIDTH = 3  # components of a received output
 
@@ -113,8 +114,9 @@ def monitors_of(designs: RunDesigns, runs: int = 1) -> RunMonitors:
         monitor.errors.MonitorError: Unknown kind or option of the detector.
     """
     links = designs.links * runs
-    detector = detectors.build(*designs.plan.detector, designs.plan.sampling_period_sec)
-    return RunMonitors(designs=links, groups=group_monitors(links, detector))
+    with within("detector"):
+        detector = detectors.build(*designs.plan.detector, designs.plan.sampling_period_sec)
+        return RunMonitors(designs=links, groups=group_monitors(links, detector))
 
 
 def link_monitors(scenario: Scenario, runs: int = 1) -> RunMonitors:

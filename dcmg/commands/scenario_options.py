@@ -69,6 +69,18 @@ class ScenarioOptions:
     overrides: Sequence[str]
     history: Path | None = None
 
+    @property
+    def changes(self) -> list[str]:
+        """All that is changed, "a.b=value" each."""
+        changes = list(self.overrides)
+        if self.duration_sec is not None:
+            changes.append(f"duration_sec={self.duration_sec!r}")
+        if self.seed is not None:
+            changes.append(f"seed={self.seed}")
+        if self.history is not None:
+            changes.append(f"history.bag={json.dumps(str(self.history.resolve()))}")
+        return changes
+
     def load(self) -> LoadedScenario:
         """Read and check the scenario.
 
@@ -78,14 +90,7 @@ class ScenarioOptions:
         from dcmg.shipped import scenario_path  # noqa: PLC0415 (heavy)
         from dgu_sim.scenario import load_scenario  # noqa: PLC0415 (heavy)
 
-        changes = list(self.overrides)
-        if self.duration_sec is not None:
-            changes.append(f"duration_sec={self.duration_sec!r}")
-        if self.seed is not None:
-            changes.append(f"seed={self.seed}")
-        if self.history is not None:
-            changes.append(f"history.bag={json.dumps(str(self.history.resolve()))}")
-        return load_scenario(scenario_path(self.name), changes)
+        return load_scenario(scenario_path(self.name), self.changes)
 
     def folder(self, scenario: LoadedScenario) -> Path:
         """Return the folder to write to, which does not hold anything yet.

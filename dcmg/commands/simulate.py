@@ -46,7 +46,7 @@ def simulate(
     from dcmg.live import LiveDisplay  # noqa: PLC0415 (heavy)
 
     loaded = chosen.load()
-    designed = check_monitors(loaded, designs)
+    designed = check_monitors(loaded, chosen, designs)
     folder = chosen.folder(loaded)
     folder.mkdir(parents=True, exist_ok=True)
     with LiveDisplay(messages, loaded.steps, loaded.sampling_period_sec) as display:

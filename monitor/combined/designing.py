@@ -11,6 +11,7 @@ from monitor.combined.plausibility import PlausibilityTest, build_limits
 from monitor.combined.response import Response
 from monitor.errors import MonitorError
 from monitor.local.module import LocalModule
+from monitor.options import within
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -87,16 +88,22 @@ class CombinedDesign:
         """
         period = plan.sampling_period_sec
         module = None
+        with within("detector"):
+            built = [detectors.build(*plan.detector, period) for _ in self.links]
+            links = tuple([one.monitor(detector) for one, detector in zip(self.links, built, strict=True)])
         if plan.local is not None and self.local is not None:
+            with within("local", "detector"):
+                local_detector = _local_detector(plan.local, period)
             module = LocalModule(
                 design=self.local,
-                detector=_local_detector(plan.local, period),
+                detector=local_detector,
                 learn_steps=max(0, round(plan.local.load_sec / period) - 1),  # the first sample has none before it
                 load_range=plan.local.load_range_a,
             )
-        limits = build_limits(plan.limits, period)
+        with within("plausibility", "limits"):
+            limits = build_limits(plan.limits, period)
         return DguMonitor(
-            links=tuple([one.monitor(detectors.build(*plan.detector, period)) for one in self.links]),
+            links=links,
             inputs=tuple(
                 [PlausibilityTest(estimator=one.estimator, limits=limits, channels=one.channels) for one in self.inputs]
             ),

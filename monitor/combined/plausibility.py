@@ -11,9 +11,8 @@ from pydantic.dataclasses import dataclass as checked_dataclass
 
 from monitor.detectors.protocol import Phase
 from monitor.detectors.schedule import Progress, Schedule
-from monitor.errors import MonitorError
 from monitor.linear import anywhere, everywhere, is_finite, is_missing, larger, negated, select
-from monitor.options import parse_options
+from monitor.options import parse_options, wrong_option
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -226,7 +225,7 @@ def build_limits(options: Mapping[str, object], sampling_period_sec: float) -> L
     for name in ("range", "rate"):
         values = getattr(parsed, name)
         if values is not None and any(not value >= 0.0 for value in values):
-            raise MonitorError(f"{OWNER}: option {name} = {list(values)}: expected [A, V] that are not negative")
+            raise wrong_option(OWNER, (name,), list(values), "expected [A, V] that are not negative")
     calibrate_steps = max(1, round(parsed.calibrate_sec / sampling_period_sec))
     return Limits(
         schedule=Schedule(settle_steps=round(parsed.settle_sec / sampling_period_sec), calibrate_steps=calibrate_steps),

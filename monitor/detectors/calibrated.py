@@ -12,9 +12,8 @@ from pydantic.dataclasses import dataclass as checked_dataclass
 from monitor.detectors.levels import Divisor, any_above, levels_of
 from monitor.detectors.protocol import Verdict
 from monitor.detectors.schedule import Progress, Schedule
-from monitor.errors import MonitorError
 from monitor.linear import anywhere, larger, select
-from monitor.options import parse_options
+from monitor.options import parse_options, wrong_option
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -151,10 +150,8 @@ def build(options: Mapping[str, object], sampling_period_sec: float) -> Calibrat
     kept = floor(parsed.rate * (steps - weigh + 1) * (1.0 + 1e-12))  # 0.01 * 100 is 1, whatever its rounding
     if kept < 1:
         needed = sampling_period_sec * _SCALE_SHARE / (_SCALE_SHARE - 1) / parsed.rate
-        raise MonitorError(
-            f"{KIND}: option calibrate_sec = {parsed.calibrate_sec:g}: expected at least {needed:.4g} s "
-            f"to promise a rate of {parsed.rate:g}"
-        )
+        expected = f"expected at least {needed:.4g} s to promise a rate of {parsed.rate:g}"
+        raise wrong_option(KIND, ("calibrate_sec",), parsed.calibrate_sec, expected)
     return CalibratedDetector(
         schedule=Schedule(settle_steps=round(parsed.settle_sec / sampling_period_sec), calibrate_steps=steps),
         weigh_steps=weigh,

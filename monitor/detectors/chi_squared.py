@@ -13,9 +13,8 @@ from pydantic.dataclasses import dataclass as checked_dataclass
 from monitor.detectors.levels import Divisor, levels_of
 from monitor.detectors.protocol import Verdict
 from monitor.detectors.schedule import Progress, Schedule
-from monitor.errors import MonitorError
 from monitor.linear import anywhere, larger, select
-from monitor.options import parse_options
+from monitor.options import parse_options, wrong_option
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -188,10 +187,8 @@ def build(options: Mapping[str, object], sampling_period_sec: float) -> ChiSquar
     parsed = parse_options(ChiSquaredOptions, options, KIND)
     steps = round(parsed.calibrate_sec / sampling_period_sec)
     if steps < _FEWEST:
-        raise MonitorError(
-            f"{KIND}: option calibrate_sec = {parsed.calibrate_sec:g}: expected at least "
-            f"{_FEWEST * sampling_period_sec:g} s, {_FEWEST} samples for a covariance"
-        )
+        expected = f"expected at least {_FEWEST * sampling_period_sec:g} s, {_FEWEST} samples for a covariance"
+        raise wrong_option(KIND, ("calibrate_sec",), parsed.calibrate_sec, expected)
     return ChiSquaredDetector(
         schedule=Schedule(settle_steps=round(parsed.settle_sec / sampling_period_sec), calibrate_steps=steps),
         rate=parsed.rate,

@@ -9,9 +9,8 @@ from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from monitor.detectors.protocol import Phase, Verdict, matched
-from monitor.errors import MonitorError
 from monitor.linear import select
-from monitor.options import parse_options
+from monitor.options import parse_options, within, wrong_option
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -97,7 +96,9 @@ def builder(
     def build_n_of_m(options: Mapping[str, object], sampling_period_sec: float) -> NOfMDetector:
         parsed = parse_options(NOfMOptions, options, KIND)
         if parsed.n > parsed.m:
-            raise MonitorError(f"{KIND}: option n = {parsed.n}: expected at most m = {parsed.m}")
-        return NOfMDetector(inner=build(parsed.kind, parsed.options, sampling_period_sec), n=parsed.n, m=parsed.m)
+            raise wrong_option(KIND, ("n",), parsed.n, f"expected at most m = {parsed.m}")
+        with within("options"):
+            inner = build(parsed.kind, parsed.options, sampling_period_sec)
+        return NOfMDetector(inner=inner, n=parsed.n, m=parsed.m)
 
     return build_n_of_m

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Any
 
 from monitor.detectors import calibrated, chi_squared, cusum, fixed, n_of_m, noise_bound
-from monitor.errors import MonitorError
+from monitor.options import check_kind
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -19,8 +19,7 @@ def build(kind: str, options: Mapping[str, object], sampling_period_sec: float) 
     Raises:
         MonitorError: unknown kind or option.
     """
-    if kind not in KINDS:
-        raise MonitorError(f"detector kind is {kind!r}, expected one of {', '.join(sorted(KINDS))}")
+    check_kind("detector", kind, KINDS)
     return KINDS[kind](options, sampling_period_sec)
 
 

@@ -6,12 +6,13 @@ from dataclasses import replace
 from typing import TYPE_CHECKING
 
 from monitor.carrying import RUNNING, parsed, running_document, running_observer
-from monitor.errors import HistoryError, MonitorError
+from monitor.errors import HistoryError
 from monitor.history import sent_outputs
 from monitor.input_estimators import delayed, one_step, uie
 from monitor.input_estimators.linear_estimator import LinearInputEstimator
 from monitor.input_estimators.protocol import EstimatorDesign
 from monitor.input_reconstruction import CLOSED_LOOP, OPEN_LOOP
+from monitor.options import check_kind
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -34,8 +35,7 @@ def design(kind: str, history: History, options: Mapping[str, object]) -> Estima
     Raises:
         MonitorError: unknown kind or option.
     """
-    if kind not in KINDS:
-        raise MonitorError(f"input estimator kind is {kind!r}, expected one of {', '.join(sorted(KINDS))}")
+    check_kind("input estimator", kind, KINDS)
     if not history.experiments[0].d.shape[1]:
         return _refused(kind, "the history does not say which inputs were applied (d): record them")
     try:

@@ -6,9 +6,9 @@ from dataclasses import replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
-from monitor.errors import MonitorError
 from monitor.history import sent_outputs
 from monitor.observers import full_order, reduced_order
+from monitor.options import check_kind
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -45,7 +45,6 @@ def design(kind: str, history: History, options: Mapping[str, object]) -> Design
     Raises:
         MonitorError: unknown kind or option.
     """
-    if kind not in KINDS:
-        raise MonitorError(f"observer kind is {kind!r}, expected one of {', '.join(sorted(KINDS))}")
+    check_kind("observer", kind, KINDS)
     sent, channels = sent_outputs(history)
     return replace(KINDS[kind](sent, options), channels=channels)

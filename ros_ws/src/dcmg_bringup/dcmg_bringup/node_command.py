@@ -58,9 +58,12 @@ def node(
         out=out, pacing=pacing, rate=rate, start_timeout_sec=start_timeout, recording=recording, designs=designs
     )
     checked_domain(None)
+    from dcmg.commands.checking import check_monitors  # noqa: PLC0415 (heavy)
     from dcmg_nodes.main import run_nodes  # noqa: PLC0415 (imports rclpy)
 
+    loaded = chosen.load()
+    check_monitors(loaded, chosen, designs)
     with said_in_one_line():
-        failure = run_nodes(names, chosen.load(), how)
+        failure = run_nodes(names, loaded, how)
     if failure is not None:
         raise CommandError(failure)

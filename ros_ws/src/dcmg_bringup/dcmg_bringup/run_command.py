@@ -114,7 +114,7 @@ def _run(chosen: options.ScenarioOptions, how: RunOptions, *, json: bool, plots:
     from dcmg_bringup.run_job import run_job  # noqa: PLC0415 (heavy)
 
     scenario = chosen.load()
-    check_monitors(scenario, how.designs)
+    check_monitors(scenario, chosen, how.designs)
     out = chosen.folder(scenario)
     steps = None if _is_forever(scenario) else scenario.steps
     with LiveDisplay(messages, steps, scenario.sampling_period_sec) as display:
