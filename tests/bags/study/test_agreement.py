@@ -44,11 +44,16 @@ PARTS: dict[str, dict[str, Any]] = {
 }
 
 
-@pytest.fixture(
-    name="cell", scope="module", params=[(part, accept) for part in PARTS for accept in ("known_publisher", "newest")]
-)
+RUNS = [  # tests, message that counts, attacks
+    ("links", "newest", tuple(ATTACKS)),
+    ("combined", "newest", tuple(ATTACKS)),
+    ("combined", "known_publisher", ("spoof",)),
+]
+
+
+@pytest.fixture(name="cell", scope="module", params=RUNS)
 def _cell(request: pytest.FixtureRequest) -> StudyCell:
-    part, accept = request.param
+    part, accept, kinds = request.param
     study = Study.model_validate(
         {
             "name": "agreement",
@@ -58,7 +63,7 @@ def _cell(request: pytest.FixtureRequest) -> StudyCell:
             "attack_start_sec": START * 0.01,
             "observers": [{"name": part, "kind": "full_order", **PARTS[part]}],
             "detectors": [{"name": "fixed", "kind": "fixed", "options": FIXED}],
-            "attacks": [{"name": kind, "kind": kind, **keys} for kind, keys in ATTACKS.items()],
+            "attacks": [{"name": kind, "kind": kind, **ATTACKS[kind]} for kind in kinds],
         }
     )
     (cell,) = cells_of(study, "agreement.yaml", scenario_path)
