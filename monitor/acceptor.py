@@ -88,10 +88,21 @@ def solve(regression: Regression, tolerance: float) -> Acceptors | None:
     """
     values, right = np.linalg.svd(regression.S, full_matrices=True)[1:]
     rank = int(np.count_nonzero(values > tolerance * values[0]))
-    kernel = right[rank:].T
-    if kernel.size and np.linalg.norm(regression.target @ kernel, 2) > tolerance * values[0]:
+    if _unseen_motion(regression, right[rank:].T) > tolerance * values[0]:
         return None
     return solve_of_rank(regression, rank, tolerance)
+
+
+def unseen_motion(regression: Regression, tolerance: float) -> tuple[float, float]:
+    """Where T (13) fails: how far a trajectory of size 1 that leaves hardly a trace moves the state, and that trace."""
+    values, right = np.linalg.svd(regression.S, full_matrices=True)[1:]
+    rank = int(np.count_nonzero(values > tolerance * values[0]))
+    trace = float(values[rank]) if rank < len(values) else 0.0
+    return _unseen_motion(regression, right[rank:].T), trace
+
+
+def _unseen_motion(regression: Regression, kernel: NDArray[np.float64]) -> float:
+    return float(np.linalg.norm(regression.target @ kernel, 2)) if kernel.size else 0.0
 
 
 def solve_of_rank(regression: Regression, rank: int, tolerance: float) -> Acceptors:
@@ -103,12 +114,12 @@ def solve_of_rank(regression: Regression, rank: int, tolerance: float) -> Accept
     return Acceptors(regression=regression, W0=W0, N=N, rank=rank, margin=margin, tolerance=tolerance)
 
 
-def unstable_fixed_modes(acceptors: Acceptors, limit: float) -> NDArray[np.complex128]:
-    """Eigenvalues of W_x0 + Q N_x of modulus >= limit that no Q moves: the unstable invariant zeros of (A, E, C)."""
+def fixed_modes(acceptors: Acceptors) -> NDArray[np.complex128]:
+    """Eigenvalues of W_x0 + Q N_x that no Q moves: the invariant zeros of (A, E, C, G) among them."""
     A, C = acceptors.W_x0, acceptors.N_x
     hidden = unobservable(A, C)
     modes = np.linalg.eigvals(hidden.T @ A @ hidden) if hidden.shape[1] else np.zeros(0)
-    return modes[np.abs(modes) >= limit].astype(np.complex128)
+    return modes.astype(np.complex128)
 
 
 def unobservable(A: NDArray[np.float64], C: NDArray[np.float64]) -> NDArray[np.float64]:

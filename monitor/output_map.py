@@ -151,8 +151,8 @@ def _kinds(
     moved = directions[values > _ROUNDED * states.rounding * np.sqrt(data.columns)]
     if free - len(moved) < _SPARE:
         raise HistoryError(
-            f"y[{int(np.argmax(something))}] is no function of x and u alone, and {data.columns} pairs of consecutive "
-            "samples do not tell its noise from an unknown input that acts on it: "
+            f"y[{int(np.argmax(something))}] is no function of x and u alone, and with {data.columns} pairs of "
+            "consecutive samples its noise cannot be told from an unknown input that acts on it: "
             f"record {_SPARE + len(moved) - free} more"
         )
     for row in np.flatnonzero(something):

@@ -95,7 +95,7 @@ def decide_rank(data: DataMatrices, options: RankOptions, direct: NDArray[np.flo
     """
     n = len(data.X_f)
     digits = _digits(data)
-    spread = _spread(data.X_f)
+    spread = _spread(np.hstack([data.X_p, data.X_f]))
     data = replace(data, X_p=data.X_p / spread, X_f=data.X_f / spread)
     tolerance = options.relative_tolerance or _ROUNDING
     driven = data.X_f if direct is None else np.vstack([data.X_f, direct / _spread(direct)])
@@ -154,8 +154,9 @@ def project(regressors: NDArray[np.float64], target: NDArray[np.float64], tolera
     """
     count, columns = regressors.shape
     sizes = np.max(np.abs(regressors), axis=1, keepdims=True)
-    balanced = regressors / sizes
-    balanced = balanced / np.sqrt(np.mean(balanced**2, axis=1, keepdims=True))
+    balanced = regressors / np.where(sizes > 0.0, sizes, 1.0)
+    moved = np.sqrt(np.mean(balanced**2, axis=1, keepdims=True))
+    balanced = balanced / np.where(moved > 0.0, moved, 1.0)
     excitation = np.linalg.svd(balanced, compute_uv=False)
     rank = int(np.count_nonzero(excitation > tolerance * excitation[0]))
     if rank < count:
@@ -169,8 +170,8 @@ def project(regressors: NDArray[np.float64], target: NDArray[np.float64], tolera
     rest = target - along @ directions.T
     rest = rest - (rest @ directions) @ directions.T  # once more: what the first round left behind by rounding
     gains = np.linalg.solve(triangle, along.T).T  # target = gains @ balanced + rest
-    moved = np.abs(gains) @ np.max(np.abs(balanced), axis=1) + np.max(np.abs(target), axis=1)
-    rounding = float(np.finfo(float).eps * np.linalg.norm(moved))
+    largest = np.abs(gains) @ np.max(np.abs(balanced), axis=1) + np.max(np.abs(target), axis=1)
+    rounding = float(np.finfo(float).eps * np.linalg.norm(largest))
     values = singular_values(rest)
     return Projection(rest=rest, values=values, excitation=excitation / np.sqrt(columns), rounding=rounding)
 
@@ -182,9 +183,10 @@ def singular_values(rows: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _spread(rows: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(n, 1) standard deviations; rows that never move are refused before."""
+    """(n, 1) standard deviations, 1 for a row that never moves."""
     sizes = np.max(np.abs(rows), axis=1, keepdims=True)
-    return np.asarray(sizes * np.std(rows / sizes, axis=1, keepdims=True))
+    spread = sizes * np.std(rows / np.where(sizes > 0.0, sizes, 1.0), axis=1, keepdims=True)
+    return np.where(spread > 0.0, spread, 1.0)
 
 
 def _too_few(columns: int, spare: int, needed: int) -> str:

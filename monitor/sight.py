@@ -48,10 +48,10 @@ def convergence_steps(A: NDArray[np.float64]) -> int | None:
     """Smallest k with |A^k| <= 1 %, by doubling and bisection; None when it takes unreasonably long."""
     if not A.size or np.linalg.norm(A, 2) == 0.0:
         return 1 if A.size else 0
-    high = 1
-    while np.linalg.norm(np.linalg.matrix_power(A, high), 2) > _DECAY:
-        high *= 2
-        if high > _LONGEST:
+    high, power = 1, A
+    while np.linalg.norm(power, 2) > _DECAY:
+        high, power = 2 * high, power @ power
+        if high > _LONGEST or not np.isfinite(power).all():
             return None
     low = high // 2
     while high - low > 1:

@@ -21,6 +21,7 @@ _DEFAULT_DECAY = 0.5
 _RANK = 1e-9  # relative: a row of N_x below is rounding
 _PLACED = 1e-3  # poles this far from where they should be are not placed
 _EQUAL = 1e-9  # relative: a mode at the decay itself is within it
+_TIES = 6  # digits
 _SPREAD = 0.2  # default poles lie in the upper fifth below the decay: distinct, as pole placement needs them
 
 
@@ -80,6 +81,8 @@ def assign(acceptors: Acceptors, poles: NDArray[np.float64]) -> NDArray[np.float
         return np.zeros((len(acceptors.W0), len(acceptors.N)))
     if len(N_x) == len(A):  # every entry of what can be moved is free
         return np.asarray(seen @ (np.diag(poles) - A) @ np.linalg.inv(N_x) @ mixing)
+    rows = canonical_basis(np.linalg.pinv(N_x) @ N_x, len(N_x)).T  # place_poles iterates, from where the basis puts it
+    mixing, N_x = rows @ np.linalg.pinv(N_x) @ mixing, rows
     try:
         with catch_warnings(action="ignore"):  # robust eigenvectors not fully converged; the poles are checked below
             gain = place_poles(A.T, N_x.T, poles).gain_matrix
@@ -100,8 +103,24 @@ def _movable(
     """What Q can move: A (s, s) and N_x (r, s) on the basis `seen` (k, s), and `mixing` (r, f) of these rows."""
     mixing, N_x = _row_basis(acceptors.N_x)
     hidden = unobservable(acceptors.W_x0, acceptors.N_x)
-    seen = np.linalg.svd(hidden, full_matrices=True)[0][:, hidden.shape[1] :]
+    seen = canonical_basis(np.eye(len(hidden)) - hidden @ hidden.T, len(hidden) - hidden.shape[1])
     return seen.T @ acceptors.W_x0 @ seen, N_x @ seen, seen, mixing
+
+
+def canonical_basis(projector: NDArray[np.float64], rank: int) -> NDArray[np.float64]:
+    """Orthonormal basis (k, rank) of the range of an orthogonal projector that owes nothing to how it came about.
+
+    What a decomposition returns for a subspace depends on processor, units and order of signals; its projector does
+    not. Columns are taken by size, ties within rounding by position.
+    """
+    rest, basis = projector.copy(), np.zeros((len(projector), 0))
+    for _ in range(rank):
+        sizes = np.linalg.norm(rest, axis=0)
+        column = rest[:, int(np.argmax(np.round(sizes, _TIES)))]
+        column = column - basis @ (basis.T @ column)
+        basis = np.column_stack([basis, column / np.linalg.norm(column)])
+        rest = projector - basis @ (basis.T @ projector)
+    return basis
 
 
 def _row_basis(N_x: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

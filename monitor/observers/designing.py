@@ -9,7 +9,7 @@ import numpy as np
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
-from monitor.acceptor import regress, solve, solve_of_rank, unstable_fixed_modes
+from monitor.acceptor import fixed_modes, regress, solve, solve_of_rank, unseen_motion
 from monitor.certificate import Certificate
 from monitor.data_report import report_data
 from monitor.errors import HistoryError
@@ -40,8 +40,11 @@ if TYPE_CHECKING:
     from monitor.scaling import Scaling
 
 _SCHUR = 1.0 - 1e-9  # a spectral radius from here on is no decay
+_BAND = 1e-6  # zeros this close to the unit circle are borderline
+_CLOSE = 1e2  # times what rounding or noise explains: a decision closer than that is borderline
 _ROUNDING = 1e-9  # relative: below it a direction of the regressors carries rounding only
 _LOST = 30.0  # how many times its rounding a subspace may be wrong by
+_TILTED = 0.1  # a subspace that may be wrong by more is not known
 _NOISE_SAFETY = 3.0  # directions closer than this to the error of the subspace are not told from noise
 _TINY = 1e-300  # keeps 0 / 0 out of a relative misfit
 
@@ -117,9 +120,10 @@ def design_uio(history: History, options: DesignOptions, shape: Shape) -> Design
     except HistoryError as error:
         return _refuse(draft, str(error))
     selection = shape.selection(behaviour)
-    acceptors = _solved(behaviour, selection, units, tolerance)
-    if isinstance(acceptors, str):
-        return _refuse(draft, acceptors)
+    solved = _solved(behaviour, selection, units, tolerance)
+    if isinstance(solved, str):
+        return _refuse(draft, solved)
+    acceptors, notes = solved
     problem = Problem(acceptors=acceptors, build=lambda W: shape.observer(behaviour, acceptors, W))
     freedom = FreedomOptions(decay=options.decay, poles=options.poles, noise_budget=options.noise_budget)
     W = choose(problem, options.strategy, freedom)
@@ -136,6 +140,7 @@ def design_uio(history: History, options: DesignOptions, shape: Shape) -> Design
         split=split,
         exact=exact and Misfit.NOISE not in output.kinds,
         rounding=decision.rounding,
+        notes=notes,
     )
     return _checked(draft, options, solution)
 
@@ -162,6 +167,7 @@ class _Solution:
     split: Split
     exact: bool
     rounding: float
+    notes: str
 
 
 def _units_of(history: History) -> _Units:
@@ -169,17 +175,34 @@ def _units_of(history: History) -> _Units:
     return _Units(spread=spread, norm=norms(history, spread))
 
 
-def _solved(behaviour: Behaviour, selection: NDArray[np.float64], units: _Units, tolerance: float) -> Acceptors | str:
-    """All solutions, or why there is no stable one: decided in shares of the spread."""
+def _solved(
+    behaviour: Behaviour, selection: NDArray[np.float64], units: _Units, tolerance: float
+) -> tuple[Acceptors, str] | str:
+    """All solutions and what is borderline about them, or why there is no stable one: in shares of the spread."""
     back = units.norm.relative_to(units.spread)
-    decided = solve(regress(behaviour.in_units(back.u, back.y, back.x), selection), tolerance)
+    regression = regress(behaviour.in_units(back.u, back.y, back.x), selection)
+    decided = solve(regression, tolerance)
     if decided is None:
-        return "no unknown-input observer exists: ker S is not in ker X_f, T (13) fails (rank CE < rank E)"
-    fixed = unstable_fixed_modes(decided, _SCHUR)
-    if len(fixed):
-        listed = ", ".join(f"{mode:.4g}" for mode in fixed)
-        return f"no stable unknown-input observer exists: (A, E, C) has the unstable zeros {listed}"
-    return solve_of_rank(regress(behaviour, selection), decided.rank, tolerance)
+        moved, trace = unseen_motion(regression, tolerance)
+        close = "; borderline" if min(moved, trace * _CLOSE) > tolerance or moved < _CLOSE * tolerance else ""
+        return (
+            "no unknown-input observer exists: ker S is not in ker X_f, T (13) fails (rank CE < rank E): a step that "
+            f"leaves {trace:.1g} in inputs and outputs moves the state by {moved:.1g} of its spread (rounding or noise "
+            f"is {tolerance:.1g}){close}; measure more outputs"
+        )
+    modes, band = np.abs(fixed := fixed_modes(decided)), max(_BAND, tolerance)
+    on_circle = f"; borderline: zeros within {band:.1g} of the unit circle"
+    if np.any(modes >= _SCHUR):
+        listed = ", ".join(f"{mode:.4g}" for mode in fixed[modes >= _SCHUR])
+        close = on_circle if np.any(np.abs(modes[modes >= _SCHUR] - 1.0) <= band) else ""
+        return (
+            f"no stable unknown-input observer exists: (A, E, C) has the unstable zeros {listed}{close}; "
+            "measure more outputs"
+        )
+    notes = on_circle if np.any(modes >= 1.0 - band) else ""
+    if decided.margin < _CLOSE * tolerance:
+        notes += f"; borderline: rank CE rests on a singular value of {decided.margin:.1g}, {tolerance:.1g} is rounding"
+    return solve_of_rank(regress(behaviour, selection), decided.rank, tolerance), notes
 
 
 def _checked(draft: Certificate, options: DesignOptions, solution: _Solution) -> Design:
@@ -195,6 +218,8 @@ def _checked(draft: Certificate, options: DesignOptions, solution: _Solution) ->
     if dynamics.spectral_radius >= _SCHUR:
         name = options.strategy.value
         stable = "dual_lqr can stabilise it"
+        if options.strategy is Strategy.DUAL_LQR:
+            stable = "a mode is hardly seen, borderline; ask for a decay nearer 1, or measure more outputs"
         return _refuse(draft, f"{name} is not stable, spectral radius {dynamics.spectral_radius:.4g}: {stable}")
     threshold = np.array(np.broadcast_to(np.asarray(options.threshold, dtype=np.float64), (observer.outputs,)))
     residual = measure_residual(observer, threshold, units.norm.y)
@@ -204,7 +229,7 @@ def _checked(draft: Certificate, options: DesignOptions, solution: _Solution) ->
         return _refuse(draft, proof.refusal())
     if residual.blind and not options.allow_blind:
         return _refuse(draft, blind_reason(data))
-    certificate = replace(draft, accepted=True, verdict=accepted(data, dynamics, residual, proof))
+    certificate = replace(draft, accepted=True, verdict=accepted(data, dynamics, residual, proof) + solution.notes)
     return Design(kind=draft.kind, observer=final, certificate=certificate)
 
 
@@ -259,13 +284,23 @@ def _weights(options: DesignOptions, units: _Units) -> NDArray[np.float64]:
 
 
 def _subspace_error(decision: RankDecision, output_error: float) -> float:
-    """How far the behaviour may be tilted: rounding or noise, against the weakest unknown input and excitation."""
+    """How far the behaviour may be tilted: rounding or noise, against the weakest unknown input and excitation.
+
+    Raises:
+        HistoryError: rounding alone may tilt it anywhere.
+    """
     m_d, values = decision.unknown_inputs or 0, decision.innovation_values
     weakest = float(values[m_d - 1]) if m_d else 1.0
-    rounding = decision.rounding / min(1.0, weakest, float(decision.excitation[-1]))
+    rounding = _LOST * decision.rounding / min(1.0, max(weakest, np.finfo(float).tiny), float(decision.excitation[-1]))
+    if rounding > _TILTED:
+        raise HistoryError(
+            f"borderline: the weakest unknown input moves the states by {weakest:.1g} of their spread, the weakest "
+            f"excitation is {decision.excitation[-1]:.1g}, and rounding ({decision.rounding:.1g}) hides where they "
+            "point; excite more"
+        )
     exact = decision.basis is RankBasis.EXACT or m_d >= len(values)
     noise = 0.0 if exact else float(values[m_d] / (weakest if m_d else values[0] + 1.0))
-    return max(_ROUNDING, _LOST * rounding, min(_NOISE_SAFETY * max(noise, output_error), 0.1))
+    return max(_ROUNDING, rounding, min(_NOISE_SAFETY * max(noise, output_error), _TILTED))
 
 
 def _kernel_residual(data: DataMatrices, selection: NDArray[np.float64], W: NDArray[np.float64]) -> float:

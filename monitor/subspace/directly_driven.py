@@ -26,13 +26,13 @@ def directly_driven(data: DataMatrices, unknown_inputs: int, output: OutputMap, 
     driven = output.driven
     known = np.vstack([data.X_p, data.U_p])
     target = np.vstack([data.X_f, data.Y_p[driven]])
-    sizes = np.concatenate([np.std(data.X_f, axis=1), np.std(data.Y_p[driven], axis=1)])[:, None]
+    spread = _moved(data.Y_p)[:, None]
+    sizes = np.vstack([_moved(np.hstack([data.X_p, data.X_f]))[:, None], spread[driven]])
     rest = sizes * project(known, target / sizes, 0.0).rest
     gains = _solved(known, target - rest)
     directions = sizes * np.linalg.svd(rest / sizes, full_matrices=False)[0][:, :unknown_inputs]
     CD, G = np.hstack([output.C, output.D]), np.zeros((p, unknown_inputs))
     CD[driven], G[driven] = gains[n:], directions[n:]
-    spread = np.std(data.Y_p, axis=1)[:, None]
     left, values, _ = np.linalg.svd(G / spread, full_matrices=False)
     at_end = spread * left[:, values > tolerance]  # columns of [E; G] have length 1: what is shorter is rounding
     widths = np.cumsum([n, m, unknown_inputs, m, at_end.shape[1]])
@@ -51,7 +51,13 @@ def directly_driven(data: DataMatrices, unknown_inputs: int, output: OutputMap, 
     return free.in_units(np.ones(m), np.ones(p), np.ones(n))
 
 
+def _moved(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(n,) standard deviations, 1 for a row that never moves."""
+    spread = np.std(rows, axis=1)
+    return np.where(spread > 0.0, spread, 1.0)
+
+
 def _solved(known: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
     """Coefficients of target on known, rows scaled to their spread."""
-    sizes = np.max(np.abs(known), axis=1)
+    sizes = np.maximum(np.max(np.abs(known), axis=1), np.finfo(float).tiny)
     return np.asarray(np.linalg.lstsq((known / sizes[:, None]).T, target.T, rcond=None)[0].T / sizes)
