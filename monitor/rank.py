@@ -29,6 +29,7 @@ _SPARE_NOISY = 4  # the same where noise has to be told from signal
 _EXACT_GAP = 1e2  # exact data leave many decades between what is excited and what is rounding
 _KNOWN_GAP = 3.0  # below it the directions of the known unknown inputs are mixed with noise
 _SEARCHED_GAP = 100.0  # a gap that has to be found, not only confirmed: random plants show tenfold gaps by chance
+_ABOVE_NOISE = 2.0  # noise alone moves every direction of the states by 1 +- sqrt(n / N)
 _NOISE_SPREAD = 1.5  # singular values of pure noise spread by sqrt(n / N) about 1, wider for noise at two instants
 _OVERSTATED = 0.2  # noise values below this share of the stated level contradict it
 
@@ -115,6 +116,10 @@ def decide_rank(data: DataMatrices, options: RankOptions, direct: NDArray[np.flo
     else:
         verdict = _gap(values, projection.rounding * digits / float(np.finfo(float).eps))
     unknown_inputs, basis, confidence, reason = verdict
+    if unknown_inputs is not None and basis in {RankBasis.KNOWN, RankBasis.NOISE_LEVEL}:
+        told = None if options.noise_std is None else np.broadcast_to(options.noise_std, (n,)) / spread[:, 0]
+        buried = _buried(data, told, float(values[unknown_inputs]) if unknown_inputs < n else 0.0)
+        unknown_inputs, reason = (None, buried) if buried else (unknown_inputs, reason)
     spare = data.columns - len(projection.excitation) - (unknown_inputs or 0)
     if unknown_inputs is not None and spare < (needed := _SPARE if basis is RankBasis.EXACT else _SPARE_NOISY):
         unknown_inputs, confidence, reason = None, 0.0, _too_few(data.columns, spare, needed)
@@ -180,6 +185,28 @@ def singular_values(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     """(n,) singular values per sample of rows (n, N); zeros where there are fewer columns than rows."""
     values = np.linalg.svd(rows, compute_uv=False) / np.sqrt(rows.shape[1])
     return np.pad(values, (0, len(rows) - len(values)))
+
+
+def _buried(data: DataMatrices, noise_std: NDArray[np.float64] | None, floor: float) -> str:
+    """Why some direction of the states is not seen moving above the noise; empty when all are.
+
+    Args:
+        data: states in shares of their spread.
+        noise_std: (n,) in the same shares, if known.
+        floor: innovations that are noise, which stand for it otherwise.
+    """
+    level = np.full(len(data.X_p), floor) if noise_std is None else noise_std
+    if not np.all(level > 0.0):
+        return ""
+    inputs = np.linalg.qr(np.vstack([data.U_p, data.U_f]).T)[0]
+    moved = data.X_p / level[:, None]
+    weakest = float(singular_values(moved - (moved @ inputs) @ inputs.T)[-1])
+    if weakest >= _ABOVE_NOISE:
+        return ""
+    return (
+        f"not exciting, borderline: some direction of the states moves by only {weakest:.2g} times the noise, expected "
+        f"{_ABOVE_NOISE:g}: start from several random states, vary the inputs more, or record with less noise"
+    )
 
 
 def _spread(rows: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from typing import TYPE_CHECKING
-from warnings import catch_warnings
 
 import numpy as np
 
@@ -22,6 +21,10 @@ _RANK = 1e-9  # relative: a row of N_x below is rounding
 _PLACED = 1e-3  # poles this far from where they should be are not placed
 _EQUAL = 1e-9  # relative: a mode at the decay itself is within it
 _TIES = 6  # digits
+_CANDIDATES = 60  # choices of eigenvectors that are compared
+_MOVED = 0.1  # size of the gain that moves eigenvalues away from where poles shall be
+_APART = 1e-6  # relative: a pole nearer to an eigenvalue counts as there already
+_ILL = 1e10  # condition of the eigenvectors from which on poles are not placed but lost
 _SPREAD = 0.2  # default poles lie in the upper fifth below the decay: distinct, as pole placement needs them
 
 
@@ -74,27 +77,49 @@ def default_poles(count: int, decay: float) -> NDArray[np.float64]:
 
 def assign(acceptors: Acceptors, poles: NDArray[np.float64]) -> NDArray[np.float64] | None:
     """Q (k, f) that puts the movable eigenvalues of W_x0 + Q N_x at `poles`; None when rounding keeps them away."""
-    from scipy.signal import place_poles  # noqa: PLC0415 (slow to import)
-
     A, N_x, seen, mixing = _movable(acceptors)
     if not len(A):
         return np.zeros((len(acceptors.W0), len(acceptors.N)))
     if len(N_x) == len(A):  # every entry of what can be moved is free
         return np.asarray(seen @ (np.diag(poles) - A) @ np.linalg.inv(N_x) @ mixing)
-    rows = canonical_basis(np.linalg.pinv(N_x) @ N_x, len(N_x)).T  # place_poles iterates, from where the basis puts it
-    mixing, N_x = rows @ np.linalg.pinv(N_x) @ mixing, rows
-    try:
-        with catch_warnings(action="ignore"):  # robust eigenvectors not fully converged; the poles are checked below
-            gain = place_poles(A.T, N_x.T, poles).gain_matrix
-    except (ValueError, np.linalg.LinAlgError):  # poles repeated more often than N_x has rows, or rounding
+    inverse = np.linalg.pinv(N_x)
+    rows = canonical_basis(inverse @ N_x, len(N_x)).T
+    L, mixing = _placed(A, rows, poles), rows @ inverse @ mixing
+    if L is None:
         return None
-    if not np.isfinite(gain).all():
-        return None
-    placed = np.linalg.eigvals(A - gain.T @ N_x)
-    distance = np.abs(placed[:, None] - poles)
+    distance = np.abs(np.linalg.eigvals(A - L @ rows)[:, None] - poles)
     if np.max(distance.min(axis=0)) > _PLACED or np.max(distance.min(axis=1)) > _PLACED:
         return None
-    return np.asarray(-seen @ gain.T @ mixing)
+    return np.asarray(-seen @ L @ mixing)
+
+
+def _placed(A: NDArray[np.float64], C: NDArray[np.float64], poles: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """L (s, r) with eigenvalues of A - L C at the poles, from left eigenvectors that lie well apart.
+
+    x_i = (A' - p_i I)^-1 C' g_i is a left eigenvector of A - L C with L' = G X^-1 (Bhattacharyya and de Souza, 1982).
+    Of a fixed set of G the one with the best conditioned X is taken: nothing is iterated, so that rounding of A and C
+    stays rounding, whatever processor it comes from.
+    """
+    s, r = len(A), len(C)
+    draws = np.random.default_rng(0).standard_normal((_CANDIDATES + 1, r, s))
+    for first in (np.zeros((s, r)), _MOVED * draws[-1].T):  # moved a little where a pole is an eigenvalue of A already
+        moved = (A - first @ C).T
+        shifted = moved - poles[:, None, None] * np.eye(s)
+        if np.min(np.linalg.svd(shifted, compute_uv=False)) > _APART * max(1.0, float(np.linalg.norm(A, 2))):
+            break
+    else:
+        return None
+    reached = np.linalg.solve(shifted, C.T)  # (s, s, r): pole, state, row
+    X = np.einsum("ijk,cki->cji", reached, draws[:-1])
+    sizes = np.linalg.norm(X, axis=1)
+    if not np.min(sizes) > 0.0:
+        return None
+    X, G = X / sizes[:, None, :], draws[:-1] / sizes[:, None, :]
+    conditions = np.linalg.cond(X)
+    best = int(np.argmin(conditions))
+    if not conditions[best] < _ILL:
+        return None
+    return np.asarray(first + np.linalg.solve(X[best].T, G[best].T))
 
 
 def _movable(
