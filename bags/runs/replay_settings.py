@@ -63,7 +63,8 @@ def with_histories(windows: Iterable[RunRecord], path: Path) -> Iterator[RunReco
             if window.scenario_text:
                 text = _naming(window, path).encode()
         attachments = {**window.attachments, SCENARIO_ATTACHMENT: text} if text else window.attachments
-        yield replace(window, histories=histories, attachments=attachments)
+        # what was designed from the run's own histories is of no use to these
+        yield replace(window, histories=histories, attachments=attachments, designs={}, input_designs={})
 
 
 def history_messages(path: Path, dgus: Sequence[int]) -> dict[str, list[bytes]]:

@@ -49,12 +49,12 @@ def evaluate(bag: Path, changes: MonitorChanges, *, out: Path | None, json: bool
     from dcmg.run_tables import show_run  # noqa: PLC0415
 
     run = open_run(bag)
-    windows, told = run.windows(), {}
+    recorded: list[Carried] = []
+    windows, told = _noted(run.windows(), recorded), {}
     if changes.history is not None:
         windows = with_histories(windows, changes.history)
         told = history_messages(changes.history, sorted({link.source for link in run.topics.links}))
-    recorded: list[Carried] = []
-    windows = _noted(replay_windows(_noted(windows, recorded), changes.overrides, redesign=changes.anew), recorded)
+    windows = _noted(replay_windows(windows, changes.overrides, redesign=changes.anew), recorded)
     if out is not None:
         windows = write_replayed(out / "bag", windows, told)
     pictures, shown_bag = (None, bag) if out is None else (out / "plots", out / "bag")
