@@ -75,6 +75,8 @@ def attack_words(row: AttackRow, duration_sec: float) -> tuple[str, ...]:
     delay = row.episode.delay_sec
     stop = "end" if row.stop_sec is None else f"{row.stop_sec:g}"
     accused = ", ".join(str(link) for link in row.accused) or "nobody"
+    if row.calibrating:
+        accused += " (the detectors still learned when it began)"
     if row.wrongly_accused:
         accused += f"; wrongly {', '.join(str(link) for link in row.wrongly_accused)}"
     others = [f"{name} {late:.2f}" for name, late in row.delays_sec.items() if late is not None]

@@ -4,10 +4,12 @@ import difflib
 from collections.abc import Mapping, Sequence
 from typing import Annotated, TypeAlias
 
-from pydantic import BaseModel, BeforeValidator, ConfigDict, Field, model_validator
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
 
 __all__ = ["Frozen", "Number", "Spread3", "Vector3", "check_keys", "finding"]
+
+_LARGEST = 1e15
 
 
 def finding(key: tuple[str | int, ...], value: object, expected: str) -> PydanticCustomError:
@@ -39,7 +41,15 @@ def _three(value: object) -> object:
     return value
 
 
-Number: TypeAlias = Annotated[float, BeforeValidator(_not_bool)]
+def _not_huge(value: float) -> float:
+    if abs(value) > _LARGEST:
+        raise PydanticCustomError(
+            "number", "expected a number of at most 1e15: larger ones overflow when squared often"
+        )
+    return value
+
+
+Number: TypeAlias = Annotated[float, BeforeValidator(_not_bool), AfterValidator(_not_huge)]
 """A finite float. YAML 1.1 reads 1e-6 as text, which is accepted; yes and no are not."""
 
 Vector3: TypeAlias = Annotated[tuple[Number, Number, Number], BeforeValidator(_three)]

@@ -25,6 +25,7 @@ class Relay:
         sampling_period_sec: T_s.
         seed: Seed of the run that it relays in floats, or of each run that it relays in arrays.
         insight: What attackers can find out about the grid; None: nothing.
+        ready_sec: Time until which the detectors learn from samples that must be free of attacks [s].
         sources: Position in `dgus` of the sender of each link, derived.
     """
 
@@ -33,6 +34,7 @@ class Relay:
     sampling_period_sec: float
     seed: int | tuple[int, ...] = 0
     insight: Knowledge | None = None
+    ready_sec: float = 0.0
     sources: tuple[int, ...] = field(init=False)
 
     def __post_init__(self) -> None:
@@ -71,7 +73,7 @@ class Relay:
             link: The link to act on.
             kind: Name of the attack class.
             parameters: Its parameters. For an attack on several links they may hold `links`: ["2-4", "3-4"], all of
-                its links in their order, `link` the first.
+                its links in their order, `link` the first; and `anyway`: true, to start while detectors learn.
             duration_sec: Length [s]; 0: until stopped.
             origin: Who asked for it.
 
@@ -79,7 +81,8 @@ class Relay:
             The new state and the START event of `link`; `step` reports those of the other links only.
 
         Raises:
-            AttackError: A link does not exist, the kind is unknown or a parameter is wrong.
+            AttackError: A link does not exist, the kind is unknown, a parameter is wrong, or a person wants to start it
+                while the detectors learn.
         """
         if not (math.isfinite(duration_sec) and duration_sec >= 0.0):
             raise AttackError(f"duration_sec = {duration_sec:g}: expected a length in seconds, or 0 for until stopped")
@@ -87,6 +90,9 @@ class Relay:
         stop_step = None if length is None else state.step + length
         start_sec = state.step * self.sampling_period_sec
         links, own = _split_links(link, parameters)
+        if own.pop("anyway", False) is not True and origin is Origin.SERVICE and start_sec < self.ready_sec:
+            now = f"it is {start_sec:g} s, and until {self.ready_sec:g} s the detectors learn from attack-free samples"
+            raise AttackError(f"link {link}: {now}: expected later, or `anyway`, which they take for normal")
         plan = AttackPlan(links=links, kind=kind, parameters=own, start_sec=start_sec)
         state, attack = self._schedule(state, plan, origin, state.step, stop_step)
         return state, attack.event(link, Action.START, state.step)
@@ -227,7 +233,7 @@ class Relay:
         return self.links.index(link)
 
 
-def _split_links(link: Link, parameters: Mapping[str, object]) -> tuple[tuple[Link, ...], Mapping[str, object]]:
+def _split_links(link: Link, parameters: Mapping[str, object]) -> tuple[tuple[Link, ...], dict[str, object]]:
     """Return the links that a request means, and the parameters of the attack class."""
     if not isinstance(parameters, Mapping):
         raise AttackError(f"parameters = {parameters!r}: expected a mapping of keys to values")

@@ -124,6 +124,7 @@ def relay_of(
         sampling_period_sec=scenario.sampling_period_sec,
         seed=scenario.seed if seeds is None else seeds,
         insight=ScenarioKnowledge(scenario=scenario, recorded=recorded),
+        ready_sec=scenario.monitor.calibrated_sec,
     )
     return relay, relay.init([attack.plan for attack in scenario.attacks])
 

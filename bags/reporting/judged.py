@@ -13,6 +13,7 @@ from bags.reporting.attacks import Attack
 from bags.reporting.options import DEFAULTS, ReportOptions
 from bags.reporting.plain import plain
 from bags.reporting.timeline import Timeline
+from dgu_sim.attacks.techniques import techniques_of
 from dgu_sim.grid import Link
 from monitor.detectors import Phase
 from monitor.measures import Episode, detect, onsets, quiet_steps, under_attack
@@ -65,6 +66,7 @@ class AttackRow:
         accused_by: Its link that alarmed first, None when it was missed.
         accused: Its links that alarmed while it ran.
         wrongly_accused: Links that alarmed while it ran and no attack was on them or just over.
+        calibrating: Whether the detectors of its links still learned when it began: they took it for normal.
         delays_sec: Time to detection by each source of alarms [s], None where that source missed it.
     """
 
@@ -73,6 +75,7 @@ class AttackRow:
     accused_by: Link | None
     accused: tuple[Link, ...]
     wrongly_accused: tuple[Link, ...]
+    calibrating: bool
     delays_sec: Mapping[str, float | None]
 
     @property
@@ -92,6 +95,7 @@ class AttackRow:
         return {
             "number": attack.number,
             "kind": attack.kind,
+            "techniques": [str(one) for one in techniques_of(attack.kind)],
             "links": [str(link) for link in attack.links],
             "origin": attack.origin,
             "parameters": json.loads(attack.parameters or "{}"),
@@ -103,6 +107,7 @@ class AttackRow:
             "delay_sec": _seconds(episode.delay_sec),
             "accused_by": None if self.accused_by is None else str(self.accused_by),
             "accused": [str(link) for link in self.accused],
+            "calibrating": self.calibrating,
             "wrongly_accused": [str(link) for link in self.wrongly_accused],
             "delay_by_source_sec": {name: _seconds(late) for name, late in self.delays_sec.items()},
         }
@@ -210,6 +215,7 @@ def _attack(timeline: Timeline, attack: Attack, alarm: NDArray[np.bool_], masks:
     first = None
     if episode.alarm_step is not None:
         first = next(link for link in own if alarm[episode.alarm_step, links.index(link)])
+    phases = timeline.phase[attack.start_step : attack.start_step + 1, [links.index(link) for link in own]]
     others = np.asarray((alarm & ~masks.attacked & ~masks.aftermath)[during].any(axis=0)).tolist()
     return AttackRow(
         attack=attack,
@@ -217,6 +223,7 @@ def _attack(timeline: Timeline, attack: Attack, alarm: NDArray[np.bool_], masks:
         accused_by=first,
         accused=tuple(link for link in own if alarm[during, links.index(link)].any()),
         wrongly_accused=tuple(link for link, wrong in zip(links, others, strict=True) if wrong),
+        calibrating=bool((phases == Phase.CALIBRATING.value).any()),
         delays_sec={name: seen_by(timeline, attack, by, masks).delay_sec for name, by in timeline.alarms.items()},
     )
 

@@ -17,6 +17,7 @@ from bags.reporting.making import making_of
 from bags.reporting.timeline import Timeline
 from bags.reporting.topology import SIZE, drawing
 from bags.reporting.wording import NOTHING, interval, number, share
+from dgu_sim.attacks.techniques import techniques_of
 
 
 def page(timeline: Timeline, assessment: Assessment) -> str:
@@ -25,7 +26,7 @@ def page(timeline: Timeline, assessment: Assessment) -> str:
     script, places = components(found) if found else ("", {})
     library = Resources(mode="inline", components=["bokeh"]).js_raw if found else []
     environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
-    environment.filters.update(number=number, share=share, interval=interval, words=_words)
+    environment.filters.update(number=number, share=share, interval=interval, words=_words, techniques=_techniques)
     text = resources.files("bags.reporting").joinpath("page.html.j2").read_text(encoding="utf-8")
     return environment.from_string(text).render(
         timeline=timeline,
@@ -53,6 +54,11 @@ def _words(parameters: str) -> str:
     except ValueError:
         return parameters
     return ", ".join(f"{key} {value}" for key, value in document.items() if value is not None)
+
+
+def _techniques(kind: str) -> str:
+    """Its techniques of MITRE ATT&CK for ICS on one line."""
+    return ", ".join(str(one) for one in techniques_of(kind))
 
 
 def _confusion(timeline: Timeline, assessment: Assessment) -> Mapping[str, Any]:

@@ -11,6 +11,7 @@ from rich.table import Table
 
 from dcmg.attack_words import EXAMPLES, first_line, parameters_of
 from dgu_sim.attacks import KINDS, known_kind
+from dgu_sim.attacks.techniques import techniques_of
 
 
 def attack_kinds(
@@ -22,21 +23,31 @@ def attack_kinds(
     chosen = KINDS if kind is None else {kind: known_kind(kind)}
     if json:
         document = {
-            name: {"does": first_line(attack), "knows": attack.knows, "parameters": attack.model_json_schema()}
+            name: {
+                "does": first_line(attack),
+                "knows": attack.knows,
+                "techniques": _techniques(name),
+                "parameters": attack.model_json_schema(),
+            }
             for name, attack in chosen.items()
         }
         typer.echo(json_module.dumps(document))
         return
     if kind is None:
-        table = Table("kind", "what it does", "what it must know")
+        table = Table("kind", "what it does", "what it must know", "MITRE ATT&CK for ICS")
         for name, attack in KINDS.items():
-            table.add_row(name, first_line(attack), attack.knows)
+            table.add_row(name, first_line(attack), attack.knows, "\n".join(_techniques(name)))
         Console().print(table)
         return
     attack = chosen[kind]
     typer.echo(f"{kind}: {' '.join((attack.__doc__ or '').split())}\nThe attacker must know: {attack.knows}.")
+    typer.echo(f"MITRE ATT&CK for ICS: {', '.join(_techniques(kind)) or 'no technique that matches'}.")
     table = Table("parameter", "default", "meaning")
     for row in parameters_of(attack):
         table.add_row(*row)
     Console().print(table if attack.model_fields else "no parameters")
     typer.echo(f"dcmg attack start {kind} {EXAMPLES.get(kind, '1-2')}")
+
+
+def _techniques(kind: str) -> list[str]:
+    return [str(one) for one in techniques_of(kind)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import datetime as dt
 import json
+import shutil
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -46,7 +47,11 @@ Designs = Annotated[
         show_default=False,
     ),
 ]
+Anyway = Annotated[bool, typer.Option("--anyway", help="take values that no DC microgrid has, and bags of any size")]
 Plots = Annotated[bool, typer.Option(help="draw states and residuals as PNG files")]
+
+# compressed bytes of a bag, as of gallo_six_dgu with noise: enough for a warning
+_STEP_BYTES, _LINK_BYTES, _WORTH_SAYING = 400, 110, 2e9
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -60,6 +65,7 @@ class ScenarioOptions:
         out: folder to write to, None: a new one below `out`.
         overrides: further changes, "a.b=value".
         history: bag with the histories that monitors are designed from, None: as in the file.
+        anyway: take implausible values too.
     """
 
     name: str
@@ -68,6 +74,7 @@ class ScenarioOptions:
     out: Path | None
     overrides: Sequence[str]
     history: Path | None = None
+    anyway: bool = False
 
     @property
     def changes(self) -> list[str]:
@@ -86,11 +93,37 @@ class ScenarioOptions:
 
         Raises:
             ScenarioError: it is not valid.
+            CommandError: it is implausible, and that is not wanted.
         """
+        from dcmg.commands.showing import messages  # noqa: PLC0415 (heavy)
         from dcmg.shipped import scenario_path  # noqa: PLC0415 (heavy)
+        from dgu_sim.plausible import concerns  # noqa: PLC0415 (heavy)
         from dgu_sim.scenario import load_scenario  # noqa: PLC0415 (heavy)
 
-        return load_scenario(scenario_path(self.name), self.changes)
+        scenario = load_scenario(scenario_path(self.name), self.changes)
+        for one in concerns(scenario):
+            if one.implausible and not self.anyway:
+                raise CommandError(f"{self.name}: {one.text}; --anyway takes it")
+            messages.print(f"[yellow]note[/]: {one.text}", soft_wrap=True, highlight=False)
+        return scenario
+
+    def check_size(self, scenario: LoadedScenario, folder: Path) -> None:
+        """Say how large the bag of a long run gets.
+
+        Raises:
+            CommandError: there is no room for it.
+        """
+        from dcmg.commands.showing import messages  # noqa: PLC0415 (heavy)
+
+        size = scenario.steps * (_STEP_BYTES + _LINK_BYTES * len(scenario.links))
+        if size < _WORTH_SAYING:
+            return
+        there = next(one for one in (folder.absolute(), *folder.absolute().parents) if one.exists())
+        free = shutil.disk_usage(there).free
+        told = f"{scenario.steps} steps of {len(scenario.links)} links: about {size / 1e9:.2g} GB"
+        if size > free and not self.anyway:
+            raise CommandError(f"{told}, and {there} has room for {free / 1e9:.2g} GB; --anyway tries")
+        messages.print(f"[yellow]note[/]: {told}", soft_wrap=True, highlight=False)
 
     def folder(self, scenario: LoadedScenario) -> Path:
         """Return the folder to write to, which does not hold anything yet.

@@ -20,6 +20,7 @@ def simulate(
     set_: options.Set = None,
     json: options.Json = False,
     plots: options.Plots = True,
+    anyway: options.Anyway = False,
     bag_compression: recorded.BagCompression = recorded.CompressionName.ZSTD,
     bag_chunks: recorded.BagChunks = ChunkPreset.COMPACT,
     bag_split_mb: recorded.BagSplitMb = None,
@@ -29,7 +30,13 @@ def simulate(
 ) -> None:
     """Do the same run without ROS: the same numbers bit for bit, the same bag, much faster."""
     chosen = options.ScenarioOptions(
-        name=scenario, duration_sec=duration, seed=seed, out=out, overrides=set_ or [], history=history
+        name=scenario,
+        duration_sec=duration,
+        seed=seed,
+        out=out,
+        overrides=set_ or [],
+        history=history,
+        anyway=anyway,
     )
     recording = recorded.recording_of(
         compression=bag_compression,
@@ -46,8 +53,9 @@ def simulate(
     from dcmg.live import LiveDisplay  # noqa: PLC0415 (heavy)
 
     loaded = chosen.load()
-    designed = check_monitors(loaded, chosen, designs)
     folder = chosen.folder(loaded)
+    chosen.check_size(loaded, folder)
+    designed = check_monitors(loaded, chosen, designs)
     folder.mkdir(parents=True, exist_ok=True)
     with LiveDisplay(messages, loaded.steps, loaded.sampling_period_sec) as display:
         bag = simulate_to_bag(loaded, folder / "bag", display.steps, recording, host_facts(), designs=designed)

@@ -26,7 +26,7 @@ def test_an_attack_by_hand_is_on_the_wire_and_in_the_bag(
     """start, list and stop act on the right samples of the right link, and the bag holds both events."""
     run = start_run(long_scenario, "--pacing", "realtime", "--composed")
     run.wait_until_recording()
-    started = dcmg("attack", "start", "bias", "1-2", "--bias", *BIAS)
+    started = dcmg("attack", "start", "bias", "1-2", "--bias", *BIAS, "--anyway")
     assert started.code == 0, started.err
     listed = json.loads(dcmg("attack", "list", "--json").out)
     assert [(one["link"], one["kind"], one["active"], one["origin"]) for one in listed] == [

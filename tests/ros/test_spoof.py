@@ -92,7 +92,7 @@ def test_spoofed_by_hand_and_by_an_outsider(
     run.wait_until_recording()
     (domain,) = [system.domain for system in running_systems() if system.pid == run.process.pid]
     here = ("--domain", str(domain))
-    started = dcmg("attack", "start", "spoof", "1-2", "--falsify", FALSIFY, *here)
+    started = dcmg("attack", "start", "spoof", "1-2", "--falsify", FALSIFY, "--anyway", *here)
     assert started.code == 0, started.err
     (listed,) = json.loads(dcmg("attack", "list", "--json", *here).out)
     assert listed["kind"] == "spoof"

@@ -71,6 +71,6 @@ def test_no_request_ends_the_attacker(caller: tuple[Any, Node]) -> None:
         assert not answer.accepted
         assert answer.message
     assert not call(node, StopAttack, "/attacks/stop", StopAttack.Request(source=2**32 - 1, target=0)).accepted
-    sound = StartAttack.Request(source=1, target=2, kind="bias", parameters='{"bias": [0.1, 0.1, 0.1]}')
+    sound = StartAttack.Request(source=1, target=2, kind="bias", parameters='{"bias": [0.1, 0.1, 0.1], "anyway": true}')
     assert call(node, StartAttack, "/attacks/start", sound).accepted
     assert run.process.poll() is None

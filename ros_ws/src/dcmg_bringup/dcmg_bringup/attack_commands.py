@@ -37,6 +37,9 @@ def start(
     ],
     *,
     duration: Annotated[float, typer.Option(help="length [s]; 0: until stopped")] = 0.0,
+    anyway: Annotated[
+        bool, typer.Option("--anyway", help="start though the detectors still learn: they take the attack for normal")
+    ] = False,
     domain: Domain = None,
 ) -> None:
     """Start an attack of any kind, from the next sample on.
@@ -51,7 +54,9 @@ def start(
     """
     order = parse_order(words)
     with attack_client(domain) as client:
-        number, step = client.start(order.links, order.kind, order.parameters, duration)
+        number, step = client.start(
+            order.links, order.kind, {**order.parameters, **({"anyway": True} if anyway else {})}, duration
+        )
     links = ", ".join(map(str, order.links))
     typer.echo(f"attack {number} ({order.kind}) acts on link {links} from step {step} on")
 

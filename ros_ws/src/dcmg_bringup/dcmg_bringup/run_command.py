@@ -48,6 +48,7 @@ def run(
     set_: options.Set = None,
     json: options.Json = False,
     plots: options.Plots = True,
+    anyway: options.Anyway = False,
     domain: Annotated[
         int | None, typer.Option(help="ROS domain id; default: ROS_DOMAIN_ID, else a free one", show_default=False)
     ] = None,
@@ -68,6 +69,7 @@ def run(
         out=out,
         overrides=set_ or [],
         history=history,
+        anyway=anyway,
     )
     recording = recorded.recording_of(
         compression=bag_compression,

@@ -1,0 +1,73 @@
+"""What a valid scenario may still be wrong about: values that no DC microgrid has, and what will never happen."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from dgu_sim.scenario import Scenario
+
+__all__ = ["RANGES", "Concern", "concerns"]
+
+RANGES: Mapping[str, tuple[float, float, str]] = {
+    "dgus.resistance_ohm": (1e-4, 100.0, "ohm, a filter's resistance"),
+    "dgus.inductance_h": (1e-6, 1.0, "H, a filter's inductance"),
+    "dgus.capacitance_f": (1e-6, 10.0, "F, the capacitance at a bus: 2.2e-3 is 2200 uF"),
+    "dgus.reference_v": (1.0, 1500.0, "V, low-voltage DC ends at 1500 V"),
+    "dgus.rated_current_a": (1e-3, 1e4, "A, a rated current"),
+    "lines.resistance_ohm": (1e-4, 100.0, "ohm, a line's resistance"),
+    "secondary.gain": (1e-6, 1e3, "V/s"),
+}
+"""Least and largest value by key, and of what; G's grid has 0.1 to 0.6 ohm, 1.3 to 3 mH, 1.7 to 3 mF, 48 V."""
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Concern:
+    """Something in a scenario that is hardly meant.
+
+    Attributes:
+        text: One line: key, value, and why.
+        implausible: Whether the value is outside of its plausible range: a unit is probably wrong.
+    """
+
+    text: str
+    implausible: bool = False
+
+
+def concerns(scenario: Scenario, ranges: Mapping[str, tuple[float, float, str]] = RANGES) -> tuple[Concern, ...]:
+    """Look for what is valid and hardly meant.
+
+    Args:
+        scenario: A valid scenario.
+        ranges: Plausible values by key.
+    """
+    return (*_implausible(scenario, ranges), *_times(scenario), *_parts(scenario))
+
+
+def _implausible(scenario: Scenario, ranges: Mapping[str, tuple[float, float, str]]) -> Iterator[Concern]:
+    for key, (low, high, what) in ranges.items():
+        section, name = key.split(".")
+        found = getattr(scenario, section)
+        several = isinstance(found, tuple)
+        for index, one in enumerate(found if several else (found,)):
+            value = getattr(one, name)
+            if not low <= abs(value) <= high:
+                place = f"{section}.{index}.{name}" if several else key
+                yield Concern(text=f"{place} = {value:g}: expected {low:g} to {high:g} {what}", implausible=True)
+
+
+def _times(scenario: Scenario) -> Iterator[Concern]:
+    length, period = scenario.duration_sec, scenario.sampling_period_sec
+    whole = scenario.steps * period
+    if abs(whole - length) > 1e-6 * period:
+        text = f"duration_sec = {length:g}: no multiple of sampling_period_sec = {period:g}"
+        yield Concern(text=f"{text}: the run has {scenario.steps} steps, {whole:g} s")
+    for index, attack in enumerate(scenario.attacks):
+        if attack.start_sec >= whole:
+            text = f"attacks.{index}.start_sec = {attack.start_sec:g}"
+            yield Concern(text=f"{text}: the run ends at {whole:g} s: this attack never begins")
+
+
+def _parts(scenario: Scenario) -> Iterator[Concern]:
+    parts = scenario.grid.components()
+    if len(parts) > 1:
+        told = ", ".join("{" + ", ".join(map(str, sorted(one))) + "}" for one in parts)
+        yield Concern(text=f"lines: the grid falls into {len(parts)} parts, {told}: each shares its currents alone")
