@@ -150,13 +150,10 @@ def carried_by(record: RunRecord) -> Carried:
         BagError: The record does not say what its monitors were told.
         dgu_sim.errors.ScenarioError: Its scenario cannot be used.
     """
-    found = {record.topics.design(link).topic.name: design for link, design in record.designs.items()}
-    if record.topics.combined is not None:
-        inputs = record.topics.combined
-        found |= {inputs.input_design(link).topic.name: design for link, design in record.input_designs.items()}
-    if record.topics.team is not None and record.team is not None:
-        team = record.topics.team
-        found |= {team.design(member).topic.name: design for member, design in record.team.designs.items()}
+    topics, team = record.topics, {} if record.team is None else record.team.designs
+    found = {topics.design(link).topic.name: design for link, design in record.designs.items()}
+    found |= {topics.input_design(link).topic.name: design for link, design in record.input_designs.items()}
+    found |= {topics.team_design(member).topic.name: design for member, design in team.items()}
     return Carried(settings=_settings(record, ())[0], records=found)
 
 
