@@ -8,15 +8,19 @@ from typing import TYPE_CHECKING
 import numpy as np
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass as checked_dataclass
-from scipy.linalg import solve_discrete_are
 
 from monitor.carrying import parsed
 from monitor.certificate import Certificate, DataReport
 from monitor.errors import HistoryError
+from monitor.history import Experiment
 from monitor.observers.linear_observer import LinearObserver
+from monitor.observers.trials import try_observer
 from monitor.options import parse_options
+from monitor.proof import hold_back, noise, prove, rounding
 from monitor.regression import regress_states
-from monitor.sight import measure_dynamics
+from monitor.riccati import dual_lqr
+from monitor.scaling import norms, spreads
+from monitor.sight import measure_dynamics, noise_covariance
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -24,13 +28,17 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from monitor.history import History
+    from monitor.proof import Proof, Split
     from monitor.regression import Fit
+    from monitor.scaling import Scaling
 
 KIND = "luenberger"
 _RUNNING = ("A", "G", "L", "conductances", "load")
 _REFERENCE = 1  # column of d that holds the DGU's own reference
 _SURE = 3.0  # standard errors that a coefficient must stand above 0 to be known
-_ROUNDING = 1e-9  # A/V: a conductance below it is rounding of exact data
+_ROUNDING = 1e-9  # in shares of the spread: what acts less is rounding of exact data
+_MISFIT = 1e-9  # relative: a history that misses the plant by less carries rounding only
+_EXACT = 1e-10  # relative rounding of exact samples
 
 
 @checked_dataclass(frozen=True, slots=True, kw_only=True, config=ConfigDict(extra="forbid"))
@@ -108,8 +116,10 @@ def design(history: History, neighbours: int, options: Mapping[str, object]) -> 
     """
     parsed = parse_options(LocalOptions, options, KIND)
     try:
-        fit = _fit(history, neighbours)
-        return _accept(history, neighbours, fit, parsed)
+        split = hold_back(_known(history, neighbours))
+        spread = spreads(split.seen)
+        norm = norms(split.seen, spread)
+        return _accept(_Fitted(split=split, spread=spread, norm=norm, fit=_fit(norm.scaled(split.seen))), parsed)
     except HistoryError as error:
         return refused(str(error))
 
@@ -155,7 +165,34 @@ def _running(certificate: Certificate, matrices: Mapping[str, NDArray[np.float64
     )
 
 
-def _fit(history: History, neighbours: int) -> Fit:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Fitted:
+    """The history with everything that acts on the DGU as known input, and A and G in units in which norms are taken.
+
+    Attributes:
+        split: in the user's units; u = [neighbours' voltages, reference, load], y = x.
+        spread: of the signals.
+        norm: units in which norms are taken.
+        fit: x_t+1 = [A G] [x_t; u_t] in these.
+    """
+
+    split: Split
+    spread: Scaling
+    norm: Scaling
+    fit: Fit
+
+    @property
+    def neighbours(self) -> int:
+        """How many of them."""
+        return self.split.seen.inputs - 2
+
+
+def _known(history: History, neighbours: int) -> History:
+    """Everything that acts on the DGU as known input.
+
+    Raises:
+        HistoryError: it is not all recorded.
+    """
     first = history.experiments[0]
     recorded = first.w.shape[1] - 1
     if recorded < 0 or first.d.shape[1] <= _REFERENCE:
@@ -164,46 +201,86 @@ def _fit(history: History, neighbours: int) -> Fit:
         raise HistoryError("no neighbour's voltage acts on this DGU: its own state says nothing about any link")
     if recorded != neighbours:
         raise HistoryError(f"the own history holds {recorded} neighbours' voltages, expected one a link: {neighbours}")
-    tables = [(one.w[:, 1:], one.d[:, _REFERENCE : _REFERENCE + 1], one.w[:, :1]) for one in history.experiments]
-    voltages = [f"neighbour {number + 1}'s voltage" for number in range(neighbours)]
-    names = [*(f"x[{row}]" for row in range(history.states)), *voltages, "the reference", "the load"]
-    return regress_states(history, tables, names)
+    reference = slice(_REFERENCE, _REFERENCE + 1)
+    experiments = (
+        Experiment(np.hstack([one.w[:, 1:], one.d[:, reference], one.w[:, :1]]), one.x, one.x)
+        for one in history.experiments
+    )
+    return replace(history, experiments=tuple(experiments))
 
 
-def _accept(history: History, neighbours: int, fit: Fit, options: LocalOptions) -> LocalDesign:
-    n = history.states
+def _fit(seen: History) -> Fit:
+    voltages = [f"neighbour {number + 1}'s voltage" for number in range(seen.inputs - 2)]
+    names = [*(f"x[{row}]" for row in range(seen.states)), *voltages, "the reference", "the load"]
+    return regress_states(seen, [(one.u,) for one in seen.experiments], names)
+
+
+def _accept(found: _Fitted, options: LocalOptions) -> LocalDesign:
+    fit, norm, spread, neighbours = found.fit, found.norm, found.spread, found.neighbours
+    n = len(norm.x)
     A, G = fit.Theta[:, :n], fit.Theta[:, n:]
-    load_direction = G[:, -1]
-    toward = load_direction / (load_direction @ load_direction)  # b^+
-    if np.linalg.norm(load_direction) <= _SURE * np.linalg.norm(fit.error[:, -1]) + _ROUNDING:
-        raise HistoryError("the history does not show how the load acts: excite it more or record with less noise")
-    conductances = -(toward @ G[:, :neighbours])
-    doubt = np.abs(toward) @ fit.error[:, n : n + neighbours]
-    conductances = np.where(np.abs(conductances) > _SURE * doubt + _ROUNDING, conductances, 0.0)
-    if not conductances.any():
+    conductances = _conductances(found)
+    gain = dual_lqr(A / options.decay, np.eye(n))  # never None: everything is measured
+    if gain is None or not conductances.any():
         raise HistoryError("blind: the history does not show how any neighbour's voltage acts on the own state")
-    L = _gain(A, options.decay)
-    load = float(np.nanmean(np.concatenate([one.w[:, 0] for one in history.experiments])))
+    A, G, L = (norm.x[:, None] * one / by for one, by in ((A, norm.x), (G, norm.u), (options.decay * gain, norm.x)))
+    load = float(np.nanmean(np.concatenate([one.u[:, -1] for one in found.split.seen.experiments])))
     unseen = [str(number + 1) for number in np.flatnonzero(conductances == 0.0)]
-    gain = np.asarray(np.linalg.solve(np.eye(n) - A + L, load_direction), dtype=np.float64)
-    matrices = {"A": A, "G": G, "L": L, "conductances": conductances, "gain": gain, "load": np.asarray(load)}
+    lasting = np.asarray(np.linalg.solve(np.eye(n) - A + L, G[:, -1]), dtype=np.float64)
+    matrices = {"A": A, "G": G, "L": L, "conductances": conductances, "gain": lasting, "load": np.asarray(load)}
+    proof = _prove(found, _observer(A, G, L))
+    if not proof.holds:
+        return replace(refused(""), certificate=_refusal(proof))
+    scaled = (A - L) * spread.x / spread.x[:, None]
     certificate = Certificate(
         kind=KIND,
         accepted=True,
-        verdict=_words(neighbours, fit, unseen),
-        data=_report(history, neighbours, fit),
-        dynamics=measure_dynamics(A - L, "dual_lqr", fit.misfit, history.sampling_period_sec),
+        verdict=f"{_words(neighbours, fit, unseen)}; {proof.words()}",
+        data=_report(found.split.seen, neighbours, fit),
+        dynamics=measure_dynamics(scaled, "dual_lqr", fit.misfit, found.split.seen.sampling_period_sec),
+        proof=proof,
         matrices=matrices,
     )
     return _running(certificate, matrices)
 
 
-def _gain(A: NDArray[np.float64], decay: float) -> NDArray[np.float64]:
-    """L that makes A - L Schur with every mode within the decay, by the dual LQR of (A / decay, I)."""
-    identity = np.eye(len(A))
-    scaled = A.T / decay
-    X = solve_discrete_are(scaled, identity, identity, identity)
-    return np.asarray(decay * np.linalg.solve(identity + X, X @ scaled).T)
+def _refusal(proof: Proof) -> Certificate:
+    return Certificate(kind=KIND, accepted=False, verdict=f"refused: {proof.refusal()}", proof=proof)
+
+
+def _conductances(found: _Fitted) -> NDArray[np.float64]:
+    """1/R_ij of every neighbour in the user's units; 0 where the history shows none beyond rounding and noise.
+
+    What is shown is decided in shares of the spread.
+
+    Raises:
+        HistoryError: the load does not show.
+    """
+    fit, neighbours = found.fit, found.neighbours
+    n, into = len(found.norm.x), found.spread.relative_to(found.norm)
+    G, error = (one[:, n:] * into.u / into.x[:, None] for one in (fit.Theta, fit.error))
+    if np.linalg.norm(G[:, -1]) <= _SURE * np.linalg.norm(error[:, -1]) + _ROUNDING:
+        raise HistoryError("the history does not show how the load acts: excite it more or record with less noise")
+    load_direction = fit.Theta[:, -1]
+    toward = load_direction / (load_direction @ load_direction)  # b^+
+    found_ones = -(toward @ fit.Theta[:, n : n + neighbours])
+    doubt = np.abs(toward) @ fit.error[:, n : n + neighbours]
+    share = into.u[:neighbours] / into.u[-1]
+    shown = np.abs(found_ones) * share > _SURE * doubt * share + _ROUNDING
+    return np.where(shown, found_ones * found.norm.u[-1] / found.norm.u[:neighbours], 0.0)
+
+
+def _prove(found: _Fitted, observer: LinearObserver) -> Proof:
+    """Run the predictor over the samples that were held back."""
+    spread, n, k = found.spread, len(found.norm.x), found.fit.Theta.shape[1]
+    state = spread.x
+    inside = replace(spread, u=1.0 / spread.u, y=1.0 / spread.y, x=1.0 / spread.x).observer(observer, 1.0 / state)
+    unseen = try_observer(inside, spread.scaled(found.split.unseen), found.split.overlap)
+    gain = float(np.sqrt(np.max(np.diag(noise_covariance(inside, np.eye(n))))))
+    allowed = rounding(_EXACT, gain, unseen)
+    if found.fit.misfit > _MISFIT:
+        allowed = noise(try_observer(inside, spread.scaled(found.split.seen), found.split.overlap), k, allowed)
+    return prove(unseen, allowed, (spread.x, spread.y), spare_columns=found.fit.columns - k)
 
 
 def _observer(A: NDArray[np.float64], G: NDArray[np.float64], L: NDArray[np.float64]) -> LinearObserver:
