@@ -36,6 +36,7 @@ MEASURED = ((0, 3), (1, 3), (3, 2), (1, 3), (1, 3, 0))  # states measured by eac
 UNKNOWN = (1, 2, 1, 2, 2)
 LABELS = ("x1 [m]", "x1' [m/s]", "x2 [m]", "x2' [m/s]")
 SAMPLES = 40  # T
+HELD_BACK = 10  # more that only the proof of the data-driven design sees
 NOISE = 0.01  # on states and derivatives of the data, standard deviation
 WRONG = 0.05  # relative error of Bbar in the last method
 RUNS = 60
@@ -233,11 +234,11 @@ def _direction(Bbar: NDArray[np.float64], generator: np.random.Generator) -> NDA
 
 
 def _records(generator: np.random.Generator, noise: float) -> list[Regressors]:
-    """For every node 40 instants of a trajectory of its own, states and derivatives with noise."""
+    """For every node 40 instants of a trajectory of its own and 10 to hold back, states and derivatives with noise."""
     data = []
     for known, measured in zip(KNOWN, MEASURED, strict=True):
         x, v = _trajectory(400, 0.1, generator)
-        picked = np.sort(generator.choice(len(x), SAMPLES, replace=False))
+        picked = np.sort(generator.choice(len(x), SAMPLES + HELD_BACK, replace=False))
         x, v = x[picked], v[picked]
         xdot = x @ A.T + v @ np.column_stack([B, B_W]).T
         x, xdot = (signal + noise * generator.standard_normal(signal.shape) for signal in (x, xdot))
@@ -274,12 +275,13 @@ def _designs(
 ) -> tuple[DistributedDesign, ...] | None:
     """All methods on one set of data, or None when one of them is refused."""
     data = _records(generator, noise)
+    seen = [one.part(0, SAMPLES) for one in data]
     made = (
         truth,
         design(data, ring(5), {"unknown_inputs": UNKNOWN}),
-        jointly_identified(data, _models(), KNOWN, ring(5), {}),
-        identification_based(data, _models(), ring(5), {}),
-        identification_based(data, _models(WRONG, generator), ring(5), {}),
+        jointly_identified(seen, _models(), KNOWN, ring(5), {}),
+        identification_based(seen, _models(), ring(5), {}),
+        identification_based(seen, _models(WRONG, generator), ring(5), {}),
     )
     return made if all(one.accepted for one in made) else None
 

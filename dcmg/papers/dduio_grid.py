@@ -134,7 +134,7 @@ def design_on_grid(plant: JointGrid, network: Network, generator: np.random.Gene
     data = []
     for node in range(network.nodes):
         u, y = inputs[:, announced(network, node)], x[:, heard(network, node)]
-        data.append(sampled(History((Experiment(u, y, x),), plant.period_sec)))
+        data.append(sampled(History((Experiment(u, y, x),), plant.period_sec, comparable=True)))
     return design(data, network, {})
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from pydantic import ConfigDict, Field
@@ -19,6 +19,7 @@ from monitor.distributed.gains import (
     stability,
 )
 from monitor.distributed.node import NodeObserver
+from monitor.distributed.proving import held_back, prove_node, scales_of
 from monitor.distributed.report import DistributedDesign, DistributedReport
 from monitor.distributed.solution import NodeSolution, solve_node, undetectable
 from monitor.errors import MonitorError
@@ -30,7 +31,9 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from monitor.distributed.network import Network
+    from monitor.distributed.proving import Scales
     from monitor.distributed.regressors import Regressors
+    from monitor.proof import Proof
 
 KIND = "distributed"
 
@@ -71,14 +74,42 @@ def design(data: Sequence[Regressors], network: Network, options: Mapping[str, o
     report = DistributedReport(sampled=data[0].sampled, nodes=network.nodes, states=len(data[0].X))
     if reason := disconnected(network):
         return refused(reason, report, network)
+    parts = [held_back(one) for one in data]
+    scales = scales_of([seen for seen, _ in parts])
     solutions: list[NodeSolution] = []
-    for node, one in enumerate(data):
+    proofs: list[Proof] = []
+    for node, (one, own) in enumerate(zip(parts, scales, strict=True)):
         known = None if chosen.unknown_inputs is None else chosen.unknown_inputs[node]
-        found = solve_node(one, known)
+        seen, unseen = (each.in_units(own.u, own.y, own.x) for each in one)
+        found = solve_node(seen, known)
         if isinstance(found, str):
             return refused(f"node {node + 1}: {found}", report, network)
+        proofs.append(prove_node(found, seen, unseen))
+        if not proofs[-1].holds:
+            return refused(f"node {node + 1}: {proofs[-1].refusal()}", replace(report, **_figures(proofs)), network)
         solutions.append(found)
-    return design_network(solutions, network, chosen, report)
+    report = replace(report, **_figures(proofs))
+    return _in_units(design_network(solutions, network, chosen, report), scales, proofs)
+
+
+def _figures(proofs: Sequence[Proof]) -> dict[str, Any]:
+    """What the report says of unseen columns."""
+    return {
+        "unseen": tuple(one.samples for one in proofs),
+        "unseen_error": tuple(max(one.worst_error or 0.0, one.worst_residual or 0.0) for one in proofs),
+        "spare_columns": tuple(one.spare_columns for one in proofs),
+    }
+
+
+def _in_units(made: DistributedDesign, scales: Sequence[Scales], proofs: Sequence[Proof]) -> DistributedDesign:
+    """An accepted design in the user's units, with its figures."""
+    if not made.accepted:
+        return made
+    gains = tuple(own.gains(one) for own, one in zip(scales, made.gains, strict=True))
+    worst, samples = max(made.report.unseen_error), min(one.samples for one in proofs)
+    running = made.observers and tuple(observer_of(gains, made.network, node) for node in range(len(gains)))
+    verdict = f"{made.verdict}; on {samples} unseen columns or more: every node within {worst:.1g}"
+    return replace(made, gains=gains, observers=running, verdict=verdict)
 
 
 def design_network(
@@ -102,6 +133,8 @@ def design_network(
             f"{who}: condition (19) of D fails, for node {node + 1} at s = {modes} (undetectable)", report, network
         )
     corrections = leading(solutions, leader, may_lead, sampled=report.sampled)
+    if corrections is None:
+        return refused("no leader gain is found: modes are all but undetectable at the leader", report, network)
     bound = None if report.sampled or leader is None else coupling_bound(solutions, network, leader)
     chi = options.chi or _coupling(solutions, network, leader, corrections, bound)
     gains = tuple(assemble(solutions, leader, corrections, chi))

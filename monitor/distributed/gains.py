@@ -16,7 +16,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import block_diag, solve_continuous_are, solve_discrete_are
+from scipy.linalg import block_diag, solve_continuous_are
+
+from monitor.riccati import dual_lqr
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -52,26 +54,30 @@ class NodeGains:
     start: NDArray[np.float64]
 
 
-def leader_gain(solution: NodeSolution, *, sampled: bool) -> NDArray[np.float64]:
-    """Lt from the Riccati equation with weights I, I: T_x - Lt C is Hurwitz (Schur when sampled)."""
-    n, p = solution.T_x.shape[0], len(solution.C)
+def leader_gain(solution: NodeSolution, *, sampled: bool) -> NDArray[np.float64] | None:
+    """Lt from the Riccati equation with weights I, I: T_x - Lt C is Hurwitz (Schur when sampled); None: not found."""
     if sampled:
-        P = solve_discrete_are(solution.T_x.T, solution.C.T, np.eye(n), np.eye(p))
-        gain = np.linalg.solve(np.eye(p) + solution.C @ P @ solution.C.T, solution.C @ P @ solution.T_x.T).T
-    else:
+        return dual_lqr(solution.T_x, solution.C)
+    n, p = solution.T_x.shape[0], len(solution.C)
+    try:
         gain = solve_continuous_are(solution.T_x.T, solution.C.T, np.eye(n), np.eye(p)) @ solution.C.T
+    except (np.linalg.LinAlgError, ValueError):
+        return None
     return np.asarray(gain, dtype=np.float64)
 
 
 def leading(
     solutions: Sequence[NodeSolution], leader: int | None, may_lead: Sequence[int], *, sampled: bool
-) -> list[NDArray[np.float64]]:
-    """Lt of every node: the leader's alone in D, and that of each node that may lead in a mutual network."""
+) -> list[NDArray[np.float64]] | None:
+    """Lt of every node: the leader's alone in D, and that of each node that may lead in a mutual network.
+
+    None when no gain is found for the leader; in a mutual network such a node only listens.
+    """
     chosen = may_lead if leader is None else (leader,)
-    return [
-        leader_gain(one, sampled=sampled) if node in chosen else np.zeros_like(one.T_y)
-        for node, one in enumerate(solutions)
-    ]
+    found = [leader_gain(one, sampled=sampled) if node in chosen else None for node, one in enumerate(solutions)]
+    if leader is not None and found[leader] is None:
+        return None
+    return [np.zeros_like(one.T_y) if gain is None else gain for gain, one in zip(found, solutions, strict=True)]
 
 
 def assemble(

@@ -13,7 +13,7 @@ D (20) relates values at one instant: Xdot = T_x X + T_u U + T_y Ydot. The relat
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
@@ -38,6 +38,8 @@ class Regressors:
         X: (n, N) states.
         Xdot: (n, N) likewise.
         sampled: the dots are next values: the design is for the sampled plant.
+        comparable: units are comparable as they are, as those of D are: norms, weights and D (13) are taken in them;
+            else in the spread of each signal. Spreads more than four decades apart are never comparable.
     """
 
     U: NDArray[np.float64]
@@ -46,11 +48,22 @@ class Regressors:
     X: NDArray[np.float64]
     Xdot: NDArray[np.float64]
     sampled: bool = False
+    comparable: bool = True
 
     @property
     def columns(self) -> int:
         """Number N of columns."""
         return int(self.X.shape[1])
+
+    def part(self, start: int, stop: int) -> Regressors:
+        """Columns from one to before another."""
+        cut = {name: getattr(self, name)[:, start:stop] for name in ("U", "Y", "Ydot", "X", "Xdot")}
+        return replace(self, **cut)
+
+    def in_units(self, u: NDArray[np.float64], y: NDArray[np.float64], x: NDArray[np.float64]) -> Regressors:
+        """The same with every signal divided by its scale, (m,), (p,), (n,)."""
+        scales = {"U": u, "Y": y, "Ydot": y, "X": x, "Xdot": x}
+        return replace(self, **{name: getattr(self, name) / scale[:, None] for name, scale in scales.items()})
 
 
 def derivatives(
@@ -72,7 +85,7 @@ def sampled(history: History) -> Regressors:
         )
         for one in history.experiments
     ]
-    return _joined(parts)
+    return replace(_joined(parts), comparable=history.comparable)
 
 
 def integral(history: History, samples: int) -> Regressors:
@@ -184,6 +197,7 @@ def _whole(data: Regressors) -> Regressors:
         X=data.X[:, kept],
         Xdot=data.Xdot[:, kept],
         sampled=data.sampled,
+        comparable=data.comparable,
     )
 
 
@@ -196,4 +210,5 @@ def _joined(parts: list[Regressors]) -> Regressors:
         X=np.hstack([part.X for part in parts]),
         Xdot=np.hstack([part.Xdot for part in parts]),
         sampled=parts[0].sampled,
+        comparable=parts[0].comparable,
     )

@@ -29,6 +29,9 @@ class DistributedReport:
         stability: spectral radius (sampled) or abscissa of the errors of the whole network.
         convergence: steps (sampled) or time units in which the slowest error shrinks to 1 %.
         departures: stability of the rest when one node leaves, for every node; the network keeps its gains.
+        unseen: columns of every node that its solution was held against without having seen them.
+        unseen_error: largest error of every node there, in shares of the spread.
+        spare_columns: columns of every node beyond the directions that they span.
     """
 
     sampled: bool
@@ -43,6 +46,9 @@ class DistributedReport:
     stability: float | None = None
     convergence: float | None = None
     departures: tuple[float, ...] = ()
+    unseen: tuple[int, ...] = ()
+    unseen_error: tuple[float, ...] = ()
+    spare_columns: tuple[int, ...] = ()
 
     def to_json(self) -> str:
         """One JSON document."""

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from monitor.distributed.regressors import Regressors
 
+_SPARE = 2  # columns beyond those that anything fits
 _EXACT = 1e-9  # relative: exact data leave rounding below it
 _CLEAR = 10.0  # noisy data must show the number of unknown inputs by a gap this large
 _KNOWN = 3.0  # or this large when the number is given
@@ -31,6 +32,7 @@ class NodeSolution:
         unknown_inputs: r.
         start: (n,) mean state of the data, where estimates start.
         misfit: |Xdot - T_x X - T_u U - T_y Ydot| / |Xdot|.
+        exact: the data carry rounding only.
     """
 
     T_x: NDArray[np.float64]
@@ -40,6 +42,7 @@ class NodeSolution:
     unknown_inputs: int
     start: NDArray[np.float64]
     misfit: float
+    exact: bool = True
 
 
 def solve_node(data: Regressors, unknown_inputs: int | None) -> NodeSolution | str:
@@ -54,31 +57,32 @@ def solve_node(data: Regressors, unknown_inputs: int | None) -> NodeSolution | s
         unknown_inputs: r, if it is known.
     """
     n, m = len(data.X), len(data.U)
-    if data.columns < n + m + 1:
-        return (
-            f"{data.columns} columns, expected at least {n + m + 1} for {n} states and {m} known inputs: record longer"
-        )
+    needed = n + m + 1 + _SPARE
+    if data.columns < needed:
+        return f"{data.columns} columns, expected at least {needed} for {n} states and {m} known inputs: record longer"
     known = np.vstack([data.U, data.X])
     row_space = _row_space(known)
     if len(row_space) < n + m:
         return f"assumption 5 of D fails: rank [U; X] is {len(row_space)}, expected {n + m}: excite more"
-    left = np.vstack([data.Xdot, data.Ydot])
-    left = left - (left @ row_space.T) @ row_space
-    directions, values, _ = np.linalg.svd(left, full_matrices=False)
-    scale = float(np.linalg.norm(np.vstack([data.Xdot, data.Ydot]), 2))
-    r, noise = _count(values, scale, unknown_inputs, n)
+    whole = np.vstack([data.Xdot, data.Ydot])
+    left = whole - (whole @ row_space.T) @ row_space
+    size = _sizes(whole)[:, None]
+    directions, values, _ = np.linalg.svd(left / size, full_matrices=False)
+    r, noise = _count(values, float(np.linalg.norm(whole / size, 2)), unknown_inputs, n)
     if r is None:
         listed = ", ".join(f"{value:.2g}" for value in values[: n + 1])
         expected = "a clear gap" if unknown_inputs is None else f"{unknown_inputs} unknown inputs"
         return f"the number of unknown inputs is not clear: singular values {listed}, expected {expected}"
-    Bbar, C_Bbar = np.split(directions[:, :r], [n])
-    seen = np.linalg.svd(C_Bbar, compute_uv=False) if r else np.ones(1)
+    in_outputs = directions[n:, :r]
+    seen = np.linalg.svd(in_outputs, compute_uv=False) if r else np.ones(1)
     shown = int(np.count_nonzero(seen > max(_EXACT, noise)))
-    if r and (len(C_Bbar) < r or shown < r):
+    if r and (len(in_outputs) < r or shown < r):
         total = n + m + r
         return f"condition (18) of D fails: rank [U; Ydot; X] is {n + m + shown}, rank with Xdot {total}"
+    Bbar, C_Bbar = np.split(np.linalg.svd(left, full_matrices=False)[0][:, :r], [n])
     T_y = Bbar @ np.linalg.pinv(C_Bbar) if r else np.zeros((n, len(data.Y)))
-    coefficients = (data.Xdot - T_y @ data.Ydot) @ np.linalg.pinv(known)
+    scale = np.linalg.norm(known, axis=1, keepdims=True)
+    coefficients = (data.Xdot - T_y @ data.Ydot) @ np.linalg.pinv(known / scale) / scale.T
     T_u, T_x = np.split(coefficients, [m], axis=1)
     misfit = data.Xdot - T_x @ data.X - T_u @ data.U - T_y @ data.Ydot
     return NodeSolution(
@@ -89,6 +93,7 @@ def solve_node(data: Regressors, unknown_inputs: int | None) -> NodeSolution | s
         unknown_inputs=r,
         start=np.mean(data.X, axis=1),
         misfit=float(np.linalg.norm(misfit) / np.linalg.norm(data.Xdot)),
+        exact=noise == 0.0,
     )
 
 
@@ -128,10 +133,18 @@ def _count(values: NDArray[np.float64], scale: float, known: int | None, n: int)
 
 
 def _output_map(data: Regressors) -> NDArray[np.float64]:
-    """C = Y X^+; sensors that copy states get their whole numbers when the data do not contradict them."""
-    C = data.Y @ np.linalg.pinv(data.X)
+    """C = Y X^+; sensors that copy states get their whole numbers, row by row, when the data do not contradict them."""
+    size = np.linalg.norm(data.X, axis=1, keepdims=True)
+    C = data.Y @ np.linalg.pinv(data.X / size) / size.T
     rounded = np.round(C)
     slack = 1.0 + np.sqrt(C.shape[1] / data.columns)  # what the fit gains from noise alone
-    near = np.linalg.norm(data.Y - rounded @ data.X) <= slack * np.linalg.norm(data.Y - C @ data.X)
-    exact = np.linalg.norm(data.Y - rounded @ data.X) <= _EXACT * np.linalg.norm(data.Y)
-    return np.asarray(rounded if near or exact else C)
+    left, fitted = (np.linalg.norm(data.Y - one @ data.X, axis=1) for one in (rounded, C))
+    kept = left <= slack * fitted + _EXACT * np.linalg.norm(data.Y, axis=1)
+    return np.asarray(np.where(kept[:, None], rounded, C))
+
+
+def _sizes(rows: NDArray[np.float64]) -> NDArray[np.float64]:
+    """Spread of each row, its size where it never moves, 1 where there is nothing: the units of decisions."""
+    moved = np.std(rows, axis=1)
+    size = np.where(moved > 0.0, moved, np.max(np.abs(rows), axis=1, initial=0.0))
+    return np.asarray(np.where(size > 0.0, size, 1.0))

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -12,7 +12,7 @@ from monitor import detectors
 from monitor.carrying import RUNNING, parsed
 from monitor.distributed import DistributedReport, design, sampled
 from monitor.distributed.gains import error_dynamics, lie_response, stability
-from monitor.history import Experiment, History
+from monitor.history import Experiment
 from monitor.team.member import Member, node_of
 from monitor.team.plan import INPUTS, WIDTH, TeamPlan
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from monitor.distributed import DistributedDesign, NodeGains, NodeObserver, Regressors
+    from monitor.history import History
 
 KIND = "distributed"
 
@@ -208,7 +209,7 @@ def _regressors(history: History, inputs: Sequence[int], outputs: Sequence[int])
     experiments = tuple(
         Experiment(one.u[:, list(inputs)], one.y[:, list(outputs)], one.x) for one in history.experiments
     )
-    return sampled(History(experiments, history.sampling_period_sec))
+    return sampled(replace(history, experiments=experiments))
 
 
 def _phase(plan: TeamPlan, made: DistributedDesign, step: int) -> TeamPhase:
