@@ -21,7 +21,7 @@ from monitor.delayed.coordinates import represent, represent_behaviour, with_att
 from monitor.delayed.designing import DelayedOptions, Goal, Units, design_for, refuse
 from monitor.delayed.proving import Claim, prove_delayed
 from monitor.delayed.units import in_units
-from monitor.errors import HistoryError, MonitorError
+from monitor.errors import HistoryError, MonitorError, out_of_range
 from monitor.history import data_matrices
 from monitor.options import parse_options
 from monitor.proof import hold_back
@@ -81,9 +81,15 @@ def design(history: History, options: Mapping[str, object]) -> DelayedDesign:
 def design_chosen(history: History, chosen: HistoryOptions) -> DelayedDesign:
     """Design with options that are checked already."""
     try:
-        found = _look(history, chosen)
+        return _design(history, chosen)
     except HistoryError as error:
         return refuse(KIND, str(error))
+    except np.linalg.LinAlgError as error:
+        return refuse(KIND, out_of_range(error))
+
+
+def _design(history: History, chosen: HistoryOptions) -> DelayedDesign:
+    found = _look(history, chosen)
     if found.decision.unknown_inputs is None:
         return refuse(KIND, found.decision.reason, found.report)
     if not all(0 <= channel < len(found.C) for channel in chosen.attacked):

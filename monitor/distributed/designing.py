@@ -22,7 +22,7 @@ from monitor.distributed.node import NodeObserver
 from monitor.distributed.proving import held_back, prove_node, scales_of
 from monitor.distributed.report import DistributedDesign, DistributedReport
 from monitor.distributed.solution import NodeSolution, solve_node, undetectable
-from monitor.errors import MonitorError
+from monitor.errors import MonitorError, out_of_range
 from monitor.options import parse_options
 
 if TYPE_CHECKING:
@@ -74,6 +74,15 @@ def design(data: Sequence[Regressors], network: Network, options: Mapping[str, o
     report = DistributedReport(sampled=data[0].sampled, nodes=network.nodes, states=len(data[0].X))
     if reason := disconnected(network):
         return refused(reason, report, network)
+    try:
+        return _design(data, network, chosen, report)
+    except np.linalg.LinAlgError as error:
+        return refused(out_of_range(error), report, network)
+
+
+def _design(
+    data: Sequence[Regressors], network: Network, chosen: DistributedOptions, report: DistributedReport
+) -> DistributedDesign:
     parts = [held_back(one) for one in data]
     scales = scales_of([seen for seen, _ in parts])
     solutions: list[NodeSolution] = []

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
     from monitor.distributed.network import Network
     from monitor.distributed.solution import NodeSolution
 
+_LEVEL = 1e-9  # relative: radii that differ by less are equal
 _SMALLEST, _LARGEST, _TRIED = 1e-4, 1.0, 30  # couplings tried for a sampled network, times 1 / largest degree
 
 
@@ -140,7 +141,8 @@ def best_coupling(
         stability(error_dynamics(assemble(solutions, leader, corrections, float(chi)), network), sampled=True)
         for chi in tried
     ]
-    return float(tried[int(np.argmin(radii))])
+    # where the leader alone decides, many are level to rounding: the smallest of them, on every machine
+    return float(tried[int(np.flatnonzero(np.array(radii) <= min(radii) * (1.0 + _LEVEL))[0])])
 
 
 def lie_response(

@@ -5,8 +5,10 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from monitor.carrying import RUNNING, parsed, running_document, running_observer
-from monitor.errors import HistoryError
+from monitor.errors import HistoryError, out_of_range
 from monitor.history import sent_outputs
 from monitor.input_estimators import delayed, one_step, uie
 from monitor.input_estimators.linear_estimator import LinearInputEstimator
@@ -43,6 +45,8 @@ def design(kind: str, history: History, options: Mapping[str, object]) -> Estima
         made = KINDS[kind](sent, options)
     except HistoryError as error:
         return _refused(kind, str(error))
+    except np.linalg.LinAlgError as error:
+        return _refused(kind, out_of_range(error))
     numbers: Mapping[str, object] = made.numbers
     if isinstance(made.estimator, LinearInputEstimator):
         running = running_document(made.estimator.realisation)

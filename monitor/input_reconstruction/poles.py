@@ -19,6 +19,7 @@ if TYPE_CHECKING:
 
 _BISECTIONS = 7  # brings the decay within 1 % of the best the LMI can certify
 _DEPENDENT = 1e-9  # relative: rows of N_z below it are dependent
+_DIGITS = 4  # behind the first
 _MARGIN = 1e-3  # the search starts this far above the largest zero
 
 
@@ -55,15 +56,29 @@ def place(solutions: Solutions, fastest: float) -> NDArray[np.float64] | None:
     for attempt in range(_BISECTIONS + 1):
         decay = high if attempt == 0 else min(high, (low + high) / 2.0 + _MARGIN * (high - low))
         found = _solve(solutions, decay)
-        reached = np.inf if found is None else float(np.max(np.abs(np.linalg.eigvals(solutions.A_op(found)))))
+        reached = np.inf if found is None else _radius(solutions, found)
         if reached < radius:
             best, radius = found, reached
-        low, high = (low, min(high, reached)) if reached <= decay else (decay, high)
+        # in whole steps, so that the next programme is the same wherever this one ended within its tolerance
+        low, high = (low, min(high, np.ceil(reached / _MARGIN) * _MARGIN)) if reached <= decay else (decay, high)
         if attempt == 0 and best is None:
             return None
         if high - low < _MARGIN:
             break
-    return best
+    return None if best is None else _rounded(solutions, best, radius)
+
+
+def _rounded(solutions: Solutions, W: NDArray[np.float64], radius: float) -> NDArray[np.float64]:
+    """What is added to W0 in the digits that the solver can promise; the whole where that costs the radius."""
+    added = W - solutions.W0
+    step = 10.0 ** (np.floor(np.log10(max(float(np.max(np.abs(added))), _MARGIN))) - _DIGITS)
+    rounded = np.round(added / step) * step
+    found = np.asarray(solutions.W0 + rounded @ solutions.N.T @ solutions.N)  # reconstructs on every trajectory still
+    return found if _radius(solutions, found) <= radius + _MARGIN / 2.0 and radius + _MARGIN / 2.0 < 1.0 else W
+
+
+def _radius(solutions: Solutions, W: NDArray[np.float64]) -> float:
+    return float(np.max(np.abs(np.linalg.eigvals(solutions.A_op(W)))))
 
 
 def _solve(solutions: Solutions, decay: float) -> NDArray[np.float64] | None:
@@ -84,7 +99,7 @@ def _solve(solutions: Solutions, decay: float) -> NDArray[np.float64] | None:
         simplefilter("ignore")  # a solution called inaccurate is judged by the spectral radius it reaches
         try:
             problem.solve(solver=cp.CLARABEL)
-        except cp.SolverError:
+        except (cp.SolverError, ValueError, ArithmeticError):
             return None
     if M.value is None or X.value is None or problem.status not in {cp.OPTIMAL, cp.OPTIMAL_INACCURATE}:
         return None

@@ -11,7 +11,7 @@ from pydantic.dataclasses import dataclass as checked_dataclass
 
 from monitor.carrying import parsed
 from monitor.certificate import Certificate, DataReport
-from monitor.errors import HistoryError
+from monitor.errors import HistoryError, out_of_range
 from monitor.history import Experiment
 from monitor.observers.linear_observer import LinearObserver
 from monitor.observers.trials import try_observer
@@ -122,6 +122,8 @@ def design(history: History, neighbours: int, options: Mapping[str, object]) -> 
         return _accept(_Fitted(split=split, spread=spread, norm=norm, fit=_fit(norm.scaled(split.seen))), parsed)
     except HistoryError as error:
         return refused(str(error))
+    except np.linalg.LinAlgError as error:
+        return refused(out_of_range(error))
 
 
 def refused(reason: str) -> LocalDesign:
