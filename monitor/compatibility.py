@@ -103,6 +103,10 @@ def compatible(
     """
     chosen = parse_options(CompatibilityOptions, options or {}, KIND)
     _check_shapes(history, u, y, x)
+    for name, count in (("received_std", history.outputs), ("noise_std", history.states)):
+        value = getattr(chosen, name)
+        if isinstance(value, tuple) and len(value) != count:
+            raise MonitorError(f"{KIND}: {name} has {len(value)} entries, expected 1 or {count}")
     try:
         sent, channels = sent_outputs(history)
         scaling = spreads(sent)
@@ -119,7 +123,7 @@ def compatible(
             verdict=f"refused: every trajectory of {len(channels)} outputs is compatible: unknown inputs explain all",
         )
     std = np.broadcast_to(np.asarray(chosen.received_std, dtype=np.float64), y.shape[1:])[list(channels)] / scaling.y
-    noise += (_SIGMAS + np.sqrt(len(F))) * float(np.max(std))
+    noise += _white(F, np.concatenate([np.zeros(u.shape[1]), std, *([] if x is None else [np.zeros(len(scaling.x))])]))
     windows = _windows(np.hstack(tables), length)
     return _judged(windows, F, length, noise, chosen.tolerance)
 
@@ -203,6 +207,12 @@ def _without_states(behaviour: Behaviour, length: int) -> NDArray[np.float64]:
         return np.zeros((0, length * width))
     _, values, right = np.linalg.svd(F, full_matrices=False)
     return np.asarray(right[values > _RANK * max(float(values[0]), 1.0)])
+
+
+def _white(F: NDArray[np.float64], std: NDArray[np.float64]) -> float:
+    """Misfit that white noise of these deviations on the samples causes: its mean square, and six deviations more."""
+    moved = F * np.tile(std, F.shape[1] // len(std))
+    return float(np.linalg.norm(moved) + _SIGMAS * np.linalg.norm(moved, 2))
 
 
 def _windows(samples: NDArray[np.float64], length: int) -> NDArray[np.float64]:

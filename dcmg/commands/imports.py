@@ -18,12 +18,14 @@ from bags.foreign.outline import Described, describe_source
 from bags.foreign.sampling import Policy
 from dcmg.commands.definitions import EXIT_LEFT_OUT, Definitions, known_definitions
 from dcmg.errors import CommandError
+from dgu_sim.grid import Link
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from bags.foreign.importing import ImportReport
 
+_EXIT_UNFIT = 1
 _COMMAND_LINE = "command line"
 
 app = typer.Typer(
@@ -144,6 +146,50 @@ def stream(
     _tell(report, f"{report.samples} samples of {len(found.streams)} link(s) are in {out}", json=json)
 
 
+@app.command("check-history")
+def check_history(
+    bag: Annotated[Path, typer.Argument(help="bag of a run, or of `dcmg import stream`", show_default=False)],
+    *,
+    history: Annotated[
+        Path | None, typer.Option(metavar="BAG", help="histories of the watched DGUs; default: those in the bag")
+    ] = None,
+    link: Annotated[str | None, typer.Option(metavar="I-J", help="the one to judge; default: all")] = None,
+    unknown_inputs: Annotated[int | None, typer.Option(min=0, help="of the history, when it is known")] = None,
+    received_std: Annotated[
+        str, typer.Option(metavar="V,A,VS", help="noise on what was received, one number or one an output")
+    ] = "0",
+    window: Annotated[
+        int | None, typer.Option(min=2, help="samples judged together; default: twice the states")
+    ] = None,
+    every: Annotated[float, typer.Option(min=0.0, metavar="SECONDS", help="one misfit for every so many")] = 1.0,
+    json: Json = False,
+) -> None:
+    """Tell whether received streams still fit the histories that their monitors learned from (T, definition 5).
+
+    Exit code 1 when one does not fit, 3 when one cannot be judged.
+    """
+    from bags.runs.history_check import check_histories  # noqa: PLC0415 (heavy)
+
+    options: dict[str, object] = {
+        "unknown_inputs": unknown_inputs,
+        "received_std": _deviations(received_std),
+        "window": window,
+    }
+    found = check_histories(bag, history, None if link is None else Link.parse(link), options)
+    if json:
+        typer.echo(json_module.dumps([one.document(every) for one in found]))
+    else:
+        for one in found:
+            since = "" if one.first_sec is None else f" ({one.first_sec:.3f} s)"
+            typer.echo(f"link {one.link}{since}: {one.found.verdict}")
+            told = [f"{part.start_sec:g} s {part.misfit:.2g}" for part in one.over_time(every)]
+            typer.echo(f"    misfit over what is allowed: {', '.join(told) or 'nothing to judge'}")
+    if any(one.found.fits is False for one in found):
+        raise typer.Exit(_EXIT_UNFIT)
+    if any(one.found.fits is None for one in found):
+        raise typer.Exit(EXIT_LEFT_OUT)
+
+
 @app.command()
 def example(
     folder: Annotated[Path, typer.Argument(help="folder to write to; new or empty", show_default=False)],
@@ -158,6 +204,15 @@ def example(
     write_lab_bag(folder / LAB)
     write_field_bag(folder / FIELD)
     typer.echo(f"{LAB} (MCAP), {FIELD} (sqlite3) and mapping.yaml are in {folder}")
+
+
+def _deviations(text: str) -> float | tuple[float, ...]:
+    """Standard deviations, one or one an output."""
+    try:
+        numbers = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        raise CommandError(f"--received-std {text}: expected numbers, as in 0.001,0.001,0.0001") from None
+    return numbers[0] if len(numbers) == 1 else numbers
 
 
 def _changes(
