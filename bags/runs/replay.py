@@ -1,9 +1,9 @@
 """Monitors on a recorded run: the same received outputs, the designs of the run, or other observers and detectors."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeAlias, final
+from typing import final
 
 import numpy as np
 
@@ -17,9 +17,7 @@ from bags.runs.run_record import RunRecord
 from bags.runs.team_offline import TeamProgress, replayed_team, told_arrays
 from bags.watch.carried import Carried
 from bags.watch.combined import Watch
-from bags.watch.combined_arrays import CombinedFields
 from bags.watch.designs import design_run, said_of, team_told
-from bags.watch.monitors import MonitorArrays, RunMonitors, monitors_of
 from bags.wire.arrays import measured
 from bags.wire.convert import history_of
 from bags.wire.origin import MONITOR_ATTACHMENT, SCENARIO_ATTACHMENT
@@ -31,11 +29,6 @@ from dgu_sim.grid import Link
 from dgu_sim.scenario import Scenario, parse_monitor
 from dgu_sim.settings import MonitorSettings
 from monitor.history import History
-
-if TYPE_CHECKING:
-    from monitor.link_monitor import MonitorState
-
-_WatchWindow: TypeAlias = Callable[[RunRecord], tuple[MonitorArrays, CombinedFields | None]]
 
 
 def replay(run: RunRecord | Path, overrides: Sequence[str] = (), *, redesign: bool = False) -> RunRecord:
@@ -79,7 +72,8 @@ def replay_windows(
             prepared = _prepare(window, overrides, redesign=redesign)
             alarm = np.zeros(len(window.links), dtype=np.bool_)
             own_alarm = np.zeros(len(prepared.topics.monitors), dtype=np.bool_)
-        outputs, fields = prepared.watch(window)
+        lying = prepared.spoofed.rows(window.streams, window.first_step, window.steps)
+        outputs, fields = prepared.watch.follow(window, lying)
         alarms = link_alarms(outputs, alarm, window.first_step, window.links)
         if prepared.topics.combined is not None and fields is not None:
             alarms += local_alarms(fields, own_alarm, window.first_step, prepared.topics.combined)
@@ -108,7 +102,8 @@ class _Prepared:
     """What a replay designs before its first step; `watch` takes the windows in order."""
 
     topics: RunTopics
-    watch: _WatchWindow
+    watch: Watch
+    spoofed: Spoofed
     designs: Mapping[Link, DesignRecord]
     input_designs: Mapping[Link, DesignRecord]
     attachments: Mapping[str, bytes]
@@ -127,7 +122,7 @@ def _prepare(record: RunRecord, overrides: Sequence[str], *, redesign: bool) -> 
     carried = None if redesign else carried_by(record)
     with said_of(f"{record.path}/{SCENARIO_ATTACHMENT}", overrides):
         designs = design_run(topics, settings, histories_of(record), carried=carried, team=team)
-        watch = _links(monitors_of(designs)) if topics.combined is None else _combined(Watch(designs=designs))
+        watch = Watch(designs=designs)
     records = [design for _, design in designs.messages()]
     estimators = len(record.links) if topics.has(Need.INPUTS) else 0
     progress = None
@@ -136,6 +131,7 @@ def _prepare(record: RunRecord, overrides: Sequence[str], *, redesign: bool) -> 
     return _Prepared(
         topics=topics,
         watch=watch,
+        spoofed=Spoofed(topics.links),
         designs=_by_link(records[: len(records) - estimators]),
         input_designs=_by_link(records[len(records) - estimators :]),
         attachments={**record.attachments, **attachment},
@@ -155,30 +151,6 @@ def carried_by(record: RunRecord) -> Carried:
     found |= {topics.input_design(link).topic.name: design for link, design in record.input_designs.items()}
     found |= {topics.team_design(member).topic.name: design for member, design in team.items()}
     return Carried(settings=_settings(record, ())[0], records=found)
-
-
-def _links(monitors: RunMonitors) -> Callable[[RunRecord], tuple[MonitorArrays, None]]:
-    """Monitors that look at one link each."""
-    states: Sequence[MonitorState] = monitors.init()
-
-    def watch(window: RunRecord) -> tuple[MonitorArrays, None]:
-        nonlocal states
-        states, outputs = monitors.run(states, window.received, window.delivered)
-        return outputs, None
-
-    return watch
-
-
-def _combined(monitors: Watch) -> Callable[[RunRecord], tuple[MonitorArrays, CombinedFields]]:
-    """Monitors that draw one conclusion from several tests; what was recorded does not change by it."""
-    spoofed = Spoofed(monitors.designs.topics.links)
-
-    def watch(window: RunRecord) -> tuple[MonitorArrays, CombinedFields]:
-        lying = spoofed.rows(window.streams, window.first_step, window.steps)
-        monitors.follow(window.y, window.reference, window.received, window.delivered, lying)
-        return monitors.take()
-
-    return watch
 
 
 def _by_link(designs: Sequence[DesignRecord]) -> dict[Link, DesignRecord]:

@@ -1,21 +1,23 @@
-"""The monitors of all DGUs with everything they combine, as the offline simulation and the replay need them.
+"""The monitors of all DGUs of a run while it goes on: what simulation, replay and study step.
 
-Each steps through the same `DguMonitor.step` as in its node, fed with the same numbers: the same bits. One run is
-stepped in floats, several side by side in arrays.
+Monitors that look at each link by itself step all links at once, in blocks. Those that draw one conclusion from several
+tests step through the same `DguMonitor.step` as in a node, one run in floats, several side by side in arrays. Both are
+fed with the same numbers as a node and have the same bits.
 """
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple, final
+from typing import NamedTuple, Protocol, final
 
 import numpy as np
 from numpy.typing import NDArray
 
 from bags.watch.combined_arrays import CombinedFields, fields_of
 from bags.watch.designs import RunDesigns
-from bags.watch.monitors import MonitorArrays
+from bags.watch.monitors import MonitorArrays, RunMonitors, monitors_of
 from monitor.combined import DguMonitor, DguOutput, DguState, Own, Received
 from monitor.linear import Component, Flag
+from monitor.link_monitor import MonitorState
 
 _WIDTH = 3
 
@@ -25,11 +27,31 @@ class Conclusions(NamedTuple):
 
     Attributes:
         links: What the monitors of the links concluded.
-        combined: Everything else, as message fields.
+        combined: Everything else, as message fields; None: there is nothing else.
     """
 
     links: MonitorArrays
-    combined: CombinedFields
+    combined: CombinedFields | None
+
+
+class Seen(Protocol):
+    """Consecutive steps of one run, as far as its monitors are told; a `RunRecord` is one."""
+
+    @property
+    def y(self) -> NDArray[np.float64]:
+        """Outputs as sent, shape (steps, DGUs, p)."""
+
+    @property
+    def reference(self) -> NDArray[np.float64]:
+        """V_ref + alpha, shape (steps, DGUs) [V]."""
+
+    @property
+    def received(self) -> NDArray[np.float64]:
+        """y^c, shape (steps, links, p)."""
+
+    @property
+    def delivered(self) -> NDArray[np.bool_]:
+        """Shape (steps, links)."""
 
 
 @final
@@ -49,6 +71,8 @@ class Watch:
     _incoming: list[list[int]] = field(init=False)
     _own: list[int] = field(init=False)
     _rows: list[list[DguOutput]] = field(init=False)
+    _lanes: RunMonitors | None = None
+    _lane_states: tuple[MonitorState, ...] = ()
 
     def __post_init__(self) -> None:
         """Start all monitors."""
@@ -58,6 +82,9 @@ class Watch:
         self._incoming = [[at for at, link in enumerate(links) if link.target == one] for one in monitors]
         self._own = [topics.dgus.index(one) for one in monitors]
         self._rows = []
+        if topics.combined is None:
+            self._lanes = monitors_of(self.designs)
+            self._lane_states = self._lanes.init()
 
     def __call__(
         self,
@@ -101,26 +128,20 @@ class Watch:
             outputs.append(output)
         return outputs
 
-    def follow(
-        self,
-        sent: NDArray[np.float64],
-        reference: NDArray[np.float64],
-        received: NDArray[np.float64],
-        delivered: NDArray[np.bool_],
-        spoofed: Mapping[int, Sequence[int]],
-    ) -> None:
-        """Take consecutive steps of one run that is over.
+    def follow(self, seen: Seen, spoofed: Mapping[int, Sequence[int]]) -> Conclusions:
+        """Take consecutive steps of one run that is over: links alone in blocks, everything together step by step.
 
         Args:
-            sent: y, shape (steps, DGUs, 3).
-            reference: V_ref + alpha, shape (steps, DGUs) [V].
-            received: y^c, shape (steps, links, 3).
-            delivered: Shape (steps, links).
+            seen: What happened.
             spoofed: By row, positions of the links whose stream was not one publisher's in order.
         """
-        for row in range(len(delivered)):
-            y, y_c = sent[row].T[:, None], received[row].T[:, None]
-            self(y, reference[row][None], y_c, delivered[row][None], spoofed.get(row, ()))
+        if self._lanes is not None:
+            self._lane_states, links = self._lanes.run(self._lane_states, seen.received, seen.delivered)
+            return Conclusions(links=links, combined=None)
+        for row in range(len(seen.delivered)):
+            y, y_c = seen.y[row].T[:, None], seen.received[row].T[:, None]
+            self(y, seen.reference[row][None], y_c, seen.delivered[row][None], spoofed.get(row, ()))
+        return self.take()
 
     def take(self) -> Conclusions:
         """What was said since the last call, of one run."""

@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from dataclasses import fields
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -45,10 +46,18 @@ def _run(scenario: Scenario, *, respond: bool = True) -> tuple[Block, CombinedAr
     topics = topics_of(scenario)
     watch = Watch(designs=design_scenario(scenario))
     (block,) = simulate(scenario, block_steps=scenario.steps, respond=watch if respond else None)
+    said = watch.take()
     if not respond:
-        watch.follow(block.y[:, 0], block.reference[:, 0], block.received[:, 0], block.delivered[:, 0], {})
+        seen = SimpleNamespace(
+            y=block.y[:, 0],
+            reference=block.reference[:, 0],
+            received=block.received[:, 0],
+            delivered=block.delivered[:, 0],
+        )
+        said = watch.follow(seen, {})
+    assert said.combined is not None
     assert topics.combined is not None
-    return block, watch.take().combined.arrays(topics.combined)
+    return block, said.combined.arrays(topics.combined)
 
 
 def _named(scenario: Scenario, flags: NDArray[np.bool_]) -> set[str]:
