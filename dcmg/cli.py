@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import os
 import sys
 from typing import Annotated, Any
@@ -64,6 +65,9 @@ def options(
 
 def main() -> None:
     """Run the command; what it refuses becomes one line on standard error and exit code 2."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            stream.reconfigure(errors="replace")  # a terminal that has no arrow shows a question mark, not a traceback
     sys.exit(run_to_one_line(lambda: app(prog_name="dcmg", standalone_mode=False)))
 
 

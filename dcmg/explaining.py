@@ -189,8 +189,8 @@ def _acting(events: Sequence[RelayEvent], link: Link, steps: int) -> NDArray[np.
 def _moment(past: _Past, acting: NDArray[np.bool_], at_sec: float | None, period_sec: float) -> tuple[int, str]:
     steps = len(past.alarm)
     if at_sec is not None:
-        step = round(at_sec / period_sec) if np.isfinite(at_sec) else -1
-        if not 0 <= step < steps:
+        step = round(at_sec / period_sec) if 0.0 <= at_sec < steps * period_sec else steps
+        if step >= steps:
             raise BagError(f"--at {at_sec:g}: expected a moment of the run, from 0 to {(steps - 1) * period_sec:g} s")
         return step, ""
     if past.accused.any():

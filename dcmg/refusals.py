@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from typing import TYPE_CHECKING
 
@@ -31,10 +32,22 @@ def run_to_one_line(command: Callable[[], object]) -> int:
         line = _line(error)
         if line is None:
             raise
+        if isinstance(error, OSError):
+            _drop_output()
         if line:
             sys.stderr.write(f"dcmg: {line}\n")
         return EXIT_REFUSED
     return result if isinstance(result, int) else 0
+
+
+def _drop_output() -> None:
+    """Let what is still to be written go nowhere, if it can go nowhere else: Python would fail on it once more."""
+    try:
+        sys.stdout.flush()
+    except OSError:
+        nowhere = os.open(os.devnull, os.O_WRONLY)
+        os.dup2(nowhere, sys.stdout.fileno())
+        os.close(nowhere)
 
 
 def _line(error: Exception) -> str | None:

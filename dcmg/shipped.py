@@ -5,6 +5,7 @@ from __future__ import annotations
 from importlib import resources
 from pathlib import Path
 
+from dcmg.suggest import did_you_mean
 from dgu_sim.errors import ScenarioError
 
 _SUFFIXES = (".yaml", ".yml")
@@ -30,4 +31,4 @@ def scenario_path(name_or_path: str) -> Path:
         return shipped[name_or_path]
     if path.suffix in _SUFFIXES or len(path.parts) > 1:
         raise ScenarioError(f"{name_or_path}: no such file")
-    raise ScenarioError(f"{name_or_path}: no such scenario; shipped are {', '.join(shipped)}; or give a path to a file")
+    raise ScenarioError(f"{name_or_path}: no such scenario; {did_you_mean(name_or_path, shipped)}, or a path to a file")

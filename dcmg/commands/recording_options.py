@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from enum import Enum
+from math import isfinite
 from typing import Annotated
 
 import typer
 
 from bags.mcap.packing import Compression
 from bags.mcap.recording import Buffer, ChunkPreset, Recording, Split, TopicFilter, WhenFull
+from dcmg.errors import CommandError
 
 _MEGABYTE = 1_000_000
 _PANEL = "Recording"
@@ -107,7 +109,11 @@ def recording_of(
 
     Raises:
         BagError: a limit that no file can keep, or a pattern that is none.
+        CommandError: a size or time that is no positive number.
     """
+    for option, value in (("split-mb", split_mb), ("split-sec", split_sec), ("buffer-mb", buffer_mb)):
+        if value is not None and not (isfinite(value) and value > 0.0):
+            raise CommandError(f"--bag-{option} {value:g}: expected a positive number")
     return Recording(
         compression=Compression[compression.name],
         chunks=chunks,

@@ -131,6 +131,8 @@ class ScenarioOptions:
         Raises:
             CommandError: the wanted folder holds something.
         """
+        if self.out is None and Path(scenario.name).name != scenario.name:
+            raise CommandError(f"name = {scenario.name!r}: expected one that a folder can have, or another --out")
         now = dt.datetime.now(tz=dt.UTC).astimezone()
         out = self.out or Path("out") / f"{scenario.name}-{now:%Y%m%d-%H%M%S}"
         if out.exists() and (not out.is_dir() or any(out.iterdir())):
