@@ -53,7 +53,9 @@ def test_every_member_estimates_all_states_under_unknown_loads(run: RunRecord) -
     team = run.team
     assert team is not None
     assert all(design.accepted for design in team.designs.values())
-    assert len({design.certificate for design in team.designs.values()}) == 1  # each came to the same design
+    reports = [json.loads(design.certificate) for design in team.designs.values()]
+    assert all(report.pop("running")["E"] for report in reports)  # what each member runs
+    assert all(report == reports[0] for report in reports)  # each came to the same design
     found = errors(run)
     assert np.nanmin(found[0]) > 10.0
     # 0.907 a step, 1e-3 of rounding and transients: 0.907**400 = 1e-17 of errors below 1e2
