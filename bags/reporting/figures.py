@@ -30,7 +30,7 @@ def figures(timeline: Timeline, assessment: Assessment) -> Mapping[str, UIElemen
         return found
     if timeline.run.links:
         found["overview"] = _overview(timeline, time)
-        found["residuals"] = _residuals(timeline, assessment, time)
+        found |= {f"residuals-{number}": plot for number, plot in enumerate(_residuals(timeline, assessment, time))}
         if np.isfinite(timeline.curves.inputs.high).any():
             found["inputs"] = _inputs(timeline, time)
     if timeline.truth:
@@ -148,7 +148,7 @@ def _inputs(timeline: Timeline, time: Range1d) -> UIElement:
     return gridplot(plots, ncols=2, sizing_mode="stretch_width", toolbar_location=None, merge_tools=False)
 
 
-def _residuals(timeline: Timeline, assessment: Assessment, time: Range1d) -> UIElement:
+def _residuals(timeline: Timeline, assessment: Assessment, time: Range1d) -> list[figure]:
     """Residuals against thresholds, one panel a link."""
     shown = timeline.telling()
     residual, threshold = timeline.curves.residual, timeline.curves.threshold
@@ -177,8 +177,7 @@ def _residuals(timeline: Timeline, assessment: Assessment, time: Range1d) -> UIE
                 plot.scatter([at], [limits[1] / 2.0], marker="inverted_triangle", size=9, color=ALERT, name="alarm")
         hover(plot, ("", "$name"), ("t", "@x{0.00} s"), ("", "@y{0.00e}"))
         plots.append(plot)
-    columns = min(3, len(plots))
-    return gridplot(plots, ncols=columns, sizing_mode="stretch_width", toolbar_location=None, merge_tools=False)
+    return plots
 
 
 def _thresholds(limits: NDArray[np.float64]) -> list[tuple[str, NDArray[np.float64]]]:

@@ -9,6 +9,7 @@ from bokeh.plotting import figure
 COLOURS: Final = ("#0072B2", "#E69F00", "#009E73", "#CC79A7", "#56B4E9", "#7F7F00", "#332288", "#999999")
 DASHES: Final = ("solid", "dashed", "dotted")
 ALERT: Final = "#D55E00"
+SHADE: Final = "#f8dfcc"
 INK: Final = "#1f2933"
 MUTED: Final = "#6b7785"
 _GRID: Final = "#e6eaee"
@@ -63,6 +64,7 @@ def legend(plot: figure, columns: int) -> None:
         return
     box = plot.legend[0]
     plot.add_layout(box, "above")
+    box.tags = [columns]  # as many where the page is wide
     box.orientation, box.ncols, box.click_policy = "horizontal", columns, "hide"
     box.border_line_color, box.background_fill_alpha = None, 0.0
     box.label_text_font, box.label_text_font_size, box.label_text_color = _FONT, "11px", INK
@@ -73,5 +75,5 @@ def shade(plot: figure, intervals: list[tuple[float, float]]) -> None:
     """Mark the time of attacks."""
     for start, stop in intervals:
         plot.add_layout(
-            BoxAnnotation(left=start, right=stop, fill_color=ALERT, fill_alpha=0.10, line_color=None, level="underlay")
+            BoxAnnotation(left=start, right=stop, fill_color=SHADE, fill_alpha=0.8, line_color=None, level="underlay")
         )

@@ -27,8 +27,7 @@ def page(timeline: Timeline, assessment: Assessment) -> str:
     library = Resources(mode="inline", components=["bokeh"]).js_raw if found else []
     environment = Environment(autoescape=True, trim_blocks=True, lstrip_blocks=True)
     environment.filters.update(number=number, share=share, interval=interval, words=_words, techniques=_techniques)
-    text = resources.files("bags.reporting").joinpath("page.html.j2").read_text(encoding="utf-8")
-    return environment.from_string(text).render(
+    return environment.from_string(resource("page.html.j2")).render(
         timeline=timeline,
         assessment=assessment,
         rows=assessment.judged.attacks,
@@ -43,8 +42,16 @@ def page(timeline: Timeline, assessment: Assessment) -> str:
         nothing=NOTHING,
         places={name: Markup(place) for name, place in places.items()},  # noqa: S704 - bokeh's own
         script=Markup(script),  # noqa: S704 - idem
+        residuals=[Markup(places[name]) for name in places if name.startswith("residuals")],  # noqa: S704 - bokeh's own
+        style=Markup(resource("style.css")),  # noqa: S704 - ours
+        behaviour=Markup(resource("behaviour.js")),  # noqa: S704 - ours
         library=[Markup(one) for one in library],  # noqa: S704 - idem
     )
+
+
+def resource(name: str) -> str:
+    """A file beside this one."""
+    return resources.files("bags.reporting").joinpath(name).read_text(encoding="utf-8")
 
 
 def _words(parameters: str) -> str:

@@ -2,20 +2,21 @@
 
 import csv
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+from matplotlib.ticker import NullLocator
 
+from bags.reporting.ink import INK, MARKERS, MUTED, look, prepare
 from bags.study.settings import NO_ATTACK
 from bags.study.summary import Comparison, OperatingPoint
 from monitor.measures import Measured
 
 _PANELS = 4
-_MARKERS = "osD^vP*X"
-_STYLES = ("-", "--", ":", "-.")
 
 
 def write_results(
@@ -43,9 +44,9 @@ def write_results(
         mine = [point for point in points if point.condition == condition and point.attack != NO_ATTACK]
         if mine:
             suffix = condition.replace(" ", "_").replace("/", "_")
-            for name, draw in (("roc", _roc), ("delay", _delay), ("impact", _impact)):
+            for name in QUANTITIES:
                 paths.append(out / f"{name}_{suffix}.png")
-                _draw(mine, draw, f"{condition}: {_TITLES[name]}", paths[-1])
+                _draw(mine, name, condition, paths[-1])
     return tuple(paths)
 
 
@@ -90,63 +91,103 @@ def shown(estimate: Measured) -> str:
     return f"{estimate.value:.3g} [{estimate.interval.low:.2g}, {estimate.interval.high:.2g}]"
 
 
-_TITLES = {
-    "roc": "share of the runs detected over the false-alarm rate",
-    "delay": "median time to detection over the false-alarm rate",
-    "impact": "mean-voltage error until the alarm over the false-alarm rate",
+QUANTITIES: Mapping[str, tuple[str, str]] = {
+    "roc": ("detected", "share of the runs detected [1]"),
+    "delay": ("delay_sec", "median time to detection [s]"),
+    "impact": ("mean_voltage_until_alarm_v", r"$|\langle V\rangle - \langle V_{ref}\rangle|$ until the alarm [V]"),
 }
+"""What is drawn over the false-alarm rate: field of an OperatingPoint, and its label with unit."""
 
 
-def _draw(
-    points: Sequence[OperatingPoint],
-    draw: Callable[[Axes, Sequence[OperatingPoint], Any], None],
-    title: str,
-    path: Path,
-) -> None:
-    """Draw one panel an attack: colours are detectors, line styles and markers observers."""
+def _draw(points: Sequence[OperatingPoint], name: str, title: str, path: Path) -> None:
+    """Draw one panel an attack: colours and dashes are detectors, markers observers, bars 95 % intervals."""
     attacks = list(dict.fromkeys(point.attack for point in points))
     columns = min(_PANELS, len(attacks))
     rows = math.ceil(len(attacks) / columns)
-    figure = Figure(figsize=(3.6 * columns + 2.4, 2.8 * rows + 0.8), layout="constrained")
-    panels = figure.subplots(rows, columns, squeeze=False, sharex=True)
-    lines = list(dict.fromkeys((point.observer, point.detector) for point in points))
+    figure = Figure(figsize=(3.6 * columns + 2.6, 2.9 * rows + 0.9), layout="constrained")
+    grid = figure.subplots(rows, columns, squeeze=False)
+    for panel, attack in zip(grid.flat, attacks, strict=False):
+        draw_panel(panel, [one for one in points if one.attack == attack], name, lines_of(points))
+        panel.set_title(attack, fontsize=9, color=INK)
+    for panel in list(grid.flat)[len(attacks) :]:
+        panel.set_axis_off()
+    figure.suptitle(title, fontsize=11, color=INK)
+    figure.supxlabel("false alarms per armed sample [1]", fontsize=9, color=INK)
+    figure.supylabel(QUANTITIES[name][1], fontsize=9, color=INK)
+    figure.legend(handles=handles_of(lines_of(points)), loc="outside right upper", fontsize=7, frameon=False)
+    figure.savefig(path, dpi=130)
+
+
+def lines_of(points: Sequence[OperatingPoint]) -> list[tuple[str, str]]:
+    """Observer and detector of each curve, in order of appearance."""
+    return list(dict.fromkeys((point.observer, point.detector) for point in points))
+
+
+def handles_of(lines: Sequence[tuple[str, str]]) -> list[Line2D]:
+    """Entries of a legend."""
+    return [Line2D([], [], label=f"{one} + {two}", **_style((one, two), lines)) for one, two in lines]
+
+
+def _style(line: tuple[str, str], lines: Sequence[tuple[str, str]]) -> dict[str, Any]:
     observers, detectors = (list(dict.fromkeys(names)) for names in zip(*lines, strict=True))
-    for panel, attack in zip(panels.flat, attacks, strict=False):
-        for observer, detector in lines:
-            mine = [p for p in points if (p.attack, p.observer, p.detector) == (attack, observer, detector)]
-            kind = observers.index(observer)
-            style = {
-                "color": f"C{detectors.index(detector) % 10}",
-                "linestyle": _STYLES[kind % len(_STYLES)],
-                "marker": _MARKERS[kind % len(_MARKERS)],
-                "label": f"{observer} + {detector}",
-                "markersize": 4,
-                "linewidth": 1.2,
-            }
-            draw(panel, sorted(mine, key=lambda point: point.false_alarm_rate.value), style)
-        panel.set_title(attack, fontsize=9)
-        panel.set_xscale("symlog", linthresh=1e-5)
-        panel.set_xlim(left=0.0)
-        panel.grid(alpha=0.3)
-    for panel in list(panels.flat)[len(attacks) :]:
-        panel.set_visible(False)
-    figure.suptitle(title, fontsize=11)
-    figure.supxlabel("false-alarm rate per sample", fontsize=9)
-    handles, labels = panels.flat[0].get_legend_handles_labels()
-    figure.legend(handles, labels, loc="outside right upper", fontsize=7)
-    figure.savefig(path, dpi=110)
+    colour, dash = look(detectors.index(line[1]))
+    marker = MARKERS[observers.index(line[0]) % len(MARKERS)]
+    return {"color": colour, "linestyle": dash, "marker": marker, "markersize": 4.5, "linewidth": 1.2}
 
 
-def _roc(panel: Axes, points: Sequence[OperatingPoint], style: Any) -> None:  # noqa: ANN401 - matplotlib's keywords
-    panel.plot([p.false_alarm_rate.value for p in points], [p.detected.value for p in points], **style)
-    panel.set_ylim(-0.05, 1.05)
+def draw_panel(
+    panel: Axes, points: Sequence[OperatingPoint], name: str, lines: Sequence[tuple[str, str]], prefix: str = ""
+) -> None:
+    """Draw one quantity of one attack; a rate or a time of 0 stands where its axis says 0.
+
+    Args:
+        panel: Where.
+        points: The points of that attack.
+        name: A key of QUANTITIES.
+        lines: All curves there are, for their looks.
+        prefix: Of the ids of the curves in an SVG file; "": none.
+    """
+    prepare(panel)
+    field = QUANTITIES[name][0]
+    rates = [point.false_alarm_rate.value for point in points]
+    x_zero = _with_zero(panel, "x", rates)
+    values = [getattr(point, field) for point in points]
+    known = [one.value for one in values if math.isfinite(one.value)]
+    y_zero = 0.0 if name == "roc" else _with_zero(panel, "y", known)
+    for number, line in enumerate(lines):
+        mine = sorted(
+            (one for one in points if (one.observer, one.detector) == line), key=lambda one: one.false_alarm_rate.value
+        )
+        found = [getattr(one, field) for one in mine]
+        x = [max(one.false_alarm_rate.value, x_zero) for one in mine]
+        y = [max(one.value, y_zero) for one in found]
+        limits = [(one.interval.low, one.interval.high) if one.interval else (one.value, one.value) for one in found]
+        below = [max(value - max(low, y_zero), 0.0) for value, (low, _) in zip(y, limits, strict=True)]
+        above = [max(high - value, 0.0) for value, (_, high) in zip(y, limits, strict=True)]
+        drawn = panel.errorbar(
+            x, y, yerr=[below, above], capsize=2, elinewidth=0.8, clip_on=False, zorder=3, **_style(line, lines)
+        )
+        if prefix:
+            for part in (drawn.lines[0], *drawn.lines[1], *drawn.lines[2]):
+                part.set_gid(f"{prefix}-{number}")
+    if name == "roc":
+        panel.set_ylim(0.0, 1.0)
+    elif not known:
+        panel.text(0.5, 0.5, "never detected", transform=panel.transAxes, ha="center", color=MUTED, fontsize=9)
 
 
-def _delay(panel: Axes, points: Sequence[OperatingPoint], style: Any) -> None:  # noqa: ANN401 - matplotlib's keywords
-    panel.plot([p.false_alarm_rate.value for p in points], [p.delay_sec.value for p in points], **style)
-    panel.set_yscale("symlog", linthresh=0.01)
-
-
-def _impact(panel: Axes, points: Sequence[OperatingPoint], style: Any) -> None:  # noqa: ANN401 - matplotlib's keywords
-    values = [p.mean_voltage_until_alarm_v.value for p in points]
-    panel.plot([p.false_alarm_rate.value for p in points], values, **style)
+def _with_zero(panel: Axes, axis: str, values: Sequence[float]) -> float:
+    """Make an axis logarithmic, with a place for 0 below the smallest value; return that place."""
+    positive = [value for value in values if value > 0.0 and math.isfinite(value)]
+    least, most = (min(positive), max(positive)) if positive else (1e-3, 1e-2)
+    zero = 10.0 ** (math.floor(math.log10(least)) - 1)
+    top = 10.0 ** math.ceil(math.log10(most) + 1e-9)
+    exponents = range(round(math.log10(zero)), round(math.log10(top)) + 1)
+    step = max(1, len(exponents) // 4)
+    ticks = [10.0**one for one in exponents if one == exponents[0] or (one - exponents[0]) % step == 0]
+    labels = ["0", *(f"{tick:g}" if tick >= 1e-3 else f"$10^{{{round(math.log10(tick))}}}$" for tick in ticks[1:])]  # noqa: PLR2004 - shorter so
+    getattr(panel, f"set_{axis}scale")("log")
+    getattr(panel, f"set_{axis}lim")(zero, top)
+    getattr(panel, f"set_{axis}ticks")(ticks, labels)
+    getattr(panel, f"{axis}axis").set_minor_locator(NullLocator())
+    return zero

@@ -64,6 +64,7 @@ def study(
     """
     from bags.study import cells_of, compare, load_study, operating_points  # noqa: PLC0415 (pyarrow takes its time)
     from bags.study.figures import write_results  # noqa: PLC0415 (idem)
+    from bags.study.page import write_page  # noqa: PLC0415 (idem)
 
     if list_ or study is None:
         _list()
@@ -82,6 +83,7 @@ def study(
     points = operating_points(table)
     comparisons = compare(points, loaded.false_alarm_limit)
     paths = [folder / "table.parquet", *write_results(points, comparisons, loaded.false_alarm_limit, folder)]
+    paths.append(write_page(loaded, points, comparisons, folder))
     if json:
         best = [
             {"condition": one.condition, "attack": one.attack, "best": one.best and one.best.row()}

@@ -20,8 +20,9 @@ class Confusion:
     """Confusion of links.
 
     Attributes:
-        samples: (links + 1, links + 1) samples in which the row's link was attacked and the column's link accused; the
-            last row counts samples without any attack, the last column samples without any accusation.
+        samples: (links + 1, links + 1) samples in which the row's link was attacked and the column's link accused, off
+            the diagonal only where that one was not attacked too; the last row counts samples without any attack, the
+            last column samples without any accusation.
         attacked_samples: (links + 1,) samples of each row: more than one link may be accused at once.
         first_right: sets of simultaneous attacks whose first accusation anywhere hit a link that was attacked then, of
             those with an accusation.
@@ -53,6 +54,10 @@ def isolation(
     rows = judged.all(axis=1)
     truth = np.column_stack([attacked, ~attacked.any(axis=1)])[rows]
     accused = np.column_stack([alarm, ~alarm.any(axis=1)])[rows]
+    wrong, right = accused & ~truth, accused & truth  # a link that is attacked too is accused rightly
+    wrong[:, -1] = accused[:, -1]
+    samples = truth.T.astype(np.int64) @ wrong.astype(np.int64)
+    samples[np.diag_indices(len(samples) - 1)] = right[:, :-1].sum(axis=0)
     alarm = alarm & judged
     sets = simultaneous(attacks)
     first_right, first_made, exact = 0, 0, 0
@@ -64,7 +69,7 @@ def isolation(
             first_made += 1
             first_right += bool((during[first] & under[first]).any())
     return Confusion(
-        samples=truth.T.astype(np.int64) @ accused.astype(np.int64),
+        samples=samples,
         attacked_samples=truth.sum(axis=0, dtype=np.int64),
         first_right=clopper_pearson(first_right, first_made, level),
         exact=clopper_pearson(exact, len(sets), level),
