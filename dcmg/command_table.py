@@ -50,6 +50,7 @@ COMMANDS: Sequence[Command | Group] = (
     _here("study", "Run seeds x attacks x observers x detectors offline, and compare them.", _RUN),
     _here("report", "Measure a run: detection, false alarms, ROC, isolation, impact, with intervals.", _LOOK),
     _here("explain", "Say why there was, or was no, alarm on a link at a moment.", _LOOK),
+    _here("compare", "Put runs side by side: each attack's delay, false alarms, and what watched.", _LOOK),
     _here("replay", "Feed recorded data to freshly designed monitors, or publish it into ROS.", _LOOK),
     _ros("player", "Steer a replay that publishes (`dcmg replay --publish`).", _LOOK),
     _here("reconstruct", "Reconstruct load, reference and attack on one link from what was received.", _LOOK),

@@ -100,7 +100,7 @@ QUANTITIES: Mapping[str, tuple[str, str]] = {
 
 
 def _draw(points: Sequence[OperatingPoint], name: str, title: str, path: Path) -> None:
-    """Draw one panel an attack: colours and dashes are detectors, markers observers, bars 95 % intervals."""
+    """Draw one panel an attack: dashes are detectors, markers observers, bars 95 % intervals."""
     attacks = list(dict.fromkeys(point.attack for point in points))
     columns = min(_PANELS, len(attacks))
     rows = math.ceil(len(attacks) / columns)
@@ -130,7 +130,7 @@ def handles_of(lines: Sequence[tuple[str, str]]) -> list[Line2D]:
 
 def _style(line: tuple[str, str], lines: Sequence[tuple[str, str]]) -> dict[str, Any]:
     observers, detectors = (list(dict.fromkeys(names)) for names in zip(*lines, strict=True))
-    colour, dash = look(detectors.index(line[1]))
+    colour, dash = look(lines.index(line))[0], look(detectors.index(line[1]))[1]
     marker = MARKERS[observers.index(line[0]) % len(MARKERS)]
     return {"color": colour, "linestyle": dash, "marker": marker, "markersize": 4.5, "linewidth": 1.2}
 
