@@ -30,6 +30,11 @@ demo: install ## six DGUs over ROS 2, an attack and its detection (what to run f
 test: lint ## all checks and all tests
 	@$(PY) -m pytest
 
+coverage: install ## all tests once, and which share of the code they run (in processes of their own too)
+	@rm -f .coverage .coverage.*
+	@$(PY) -m coverage run -m pytest
+	@$(PY) -m coverage combine -q && $(PY) -m coverage report
+
 lint: install ## import contracts, ruff, formatting, mypy --strict
 	@$(VENV)/bin/lint-imports
 	@$(VENV)/bin/ruff check
@@ -62,7 +67,7 @@ install: $(VENV)/messages ## only make .venv: Python packages, ROS 2 and our mes
 
 clean: ## remove .venv and everything built; out/ stays
 	@rm -rf $(VENV) build dist ros_ws/build ros_ws/install ros_ws/log
-	@rm -rf .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	@rm -rf .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache .coverage .coverage.*
 	@find . -name __pycache__ -prune -exec rm -rf {} + -o -name '*.egg-info' -prune -exec rm -rf {} +
 
 ifdef PYTHON
