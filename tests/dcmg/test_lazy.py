@@ -83,3 +83,10 @@ def test_every_row_is_a_command(words: tuple[str, ...], row: Command, capsys: py
     shown = " ".join(capsys.readouterr().out.split())
     assert f"Usage: dcmg {' '.join(words)}" in shown
     assert row.does.split()[0] in shown
+
+
+def test_an_attack_by_hand_imports_no_designs() -> None:
+    """Who orders an attack does not wait for scipy, bags or observers before the order goes out."""
+    imported = "import dcmg_bringup.attack_commands, sys; print(sorted(sys.modules))"
+    done = subprocess.run([sys.executable, "-c", imported], capture_output=True, text=True, check=True)
+    assert not set(ast.literal_eval(done.stdout)) & {"scipy", "rosbags", "rclpy", "bags.mcap.writer", "monitor.observers"}

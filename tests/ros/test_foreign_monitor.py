@@ -28,7 +28,7 @@ from dcmg.cli import app
 from dcmg.hardware.bags import ATTACK_SEC
 from dcmg.shipped import scenario_path
 from dcmg_bringup.domain import choose_domain
-from dcmg_bringup.run_job import ros_environment
+from dcmg_bringup.ros_environment import ros_environment
 from dcmg_nodes.errors import NodeError
 from dcmg_nodes.foreign_types import definitions_of_class, foreign_class
 from dgu_sim.scenario import load_scenario

@@ -18,7 +18,7 @@ from bags import golden
 from bags.runs.reader import read_run
 from bags.runs.replay import replay
 from dcmg_bringup.domain import running_systems
-from dcmg_bringup.run_job import ros_environment
+from dcmg_bringup.ros_environment import ros_environment
 from dgu_sim.grid import Link
 from dgu_sim.scenario import load_scenario
 

@@ -10,7 +10,7 @@ import typer
 
 from dcmg.errors import CommandError
 from dcmg_bringup.attack_client import find_system
-from dcmg_bringup.run_job import ros_environment
+from dcmg_bringup.ros_environment import ros_environment
 
 attach_app = typer.Typer(add_completion=False, rich_markup_mode="markdown")
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 from dcmg.errors import CommandError
 from dcmg_bringup.domain import RunningSystem, checked_domain, running_systems
-from dcmg_bringup.run_job import ros_environment
+from dcmg_bringup.ros_environment import ros_environment
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence

@@ -22,7 +22,7 @@ from dcmg_bringup.domain import checked_domain, choose_domain
 from dcmg_bringup.keys import keys
 from dcmg_bringup.processes import ProcessGroup
 from dcmg_bringup.replay_display import ReplayDisplay
-from dcmg_bringup.run_job import ros_environment
+from dcmg_bringup.ros_environment import ros_environment
 from dcmg_bringup.said import said_in_one_line
 from dcmg_nodes.options import NodeOptions
 from dcmg_nodes.playing import PlayOptions

@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import signal
 from dataclasses import dataclass, field
-from importlib import resources
 from typing import TYPE_CHECKING, Protocol
 
 from bags.mcap.container import open_container
@@ -14,6 +13,7 @@ from bags.mcap.recording import Recording
 from bags.mcap.repair import repair
 from dcmg_bringup.domain import choose_domain
 from dcmg_bringup.processes import ProcessGroup
+from dcmg_bringup.ros_environment import ros_environment
 from dcmg_bringup.watchdog import Watchdog
 from dcmg_nodes.options import BAG, NodeOptions, PacingMode
 from dcmg_nodes.wiring import wiring_of
@@ -113,20 +113,6 @@ def run_job(scenario: Scenario, out: Path, options: RunOptions, display: Display
             return _follow(wiring, group, _silence_sec(scenario, node_options), out / BAG, display)
         finally:
             group.stop()
-
-
-def ros_environment(domain: int) -> dict[str, str]:
-    """Return the environment variables of every process that takes part in a run on this machine.
-
-    The Fast DDS profile keeps everything on the loopback interface, over UDP alone: as fast here as shared memory, and
-    nothing stays behind in /dev/shm when a node is killed. The discovery range must be SUBNET: with LOCALHOST, rmw
-    puts its own transports (shared memory, at most 32 processes) in the place of the profile's.
-    """
-    return {
-        "ROS_DOMAIN_ID": str(domain),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET",
-        "FASTRTPS_DEFAULT_PROFILES_FILE": str(resources.files("dcmg_nodes") / "fastdds.xml"),
-    }
 
 
 def _silence_sec(scenario: Scenario, options: NodeOptions) -> float:
