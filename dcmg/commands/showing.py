@@ -34,11 +34,9 @@ def show(bag: Path, plots_dir: Path | None, *, json: bool, partial: bool) -> Non
 
 def is_partial(scenario: Scenario, recording: Recording) -> bool:
     """Whether topics are left out that a report needs."""
-    from bags.wire.schema import run_topics  # noqa: PLC0415 (heavy)
+    from bags.wire.schema import topics_of  # noqa: PLC0415 (heavy)
 
-    team = scenario.monitor.team is not None
-    topics = run_topics(scenario.grid.dgus, scenario.links, scenario.sampling_period_ns, team=team)
-    return not all(recording.topics.accepts(topic.name) for topic in topics.per_step)
+    return not all(recording.topics.accepts(topic.name) for topic in topics_of(scenario).per_step)
 
 
 def _show_counts(bag: Path, *, json: bool) -> None:
