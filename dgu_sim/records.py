@@ -15,10 +15,12 @@ class Sample:
     Attributes:
         y: V [V], I_t [A], v [V s]; NaN where a component is not sent.
         delivered: False where the link lost the sample.
+        u: Known inputs that act on the sender from this sample on; a DGU has none.
     """
 
     y: Vector
     delivered: Truth = True
+    u: Vector = ()
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -55,8 +55,8 @@ class MonitorOutput(NamedTuple):
 class LinkMonitor:
     """Observer and detector on one incoming link, in floats or in arrays over (runs, links).
 
-    A sample that is not delivered, or in which a component is NaN or infinite, counts as missing: the observer restarts
-    from the next one and settles again, without recalibrating.
+    A sample that is not delivered, or in which a component or a known input is NaN or infinite, counts as missing: the
+    observer restarts from the next one and settles again, without recalibrating.
 
     Attributes:
         observer: None when the design was refused: phase REFUSED, everything else NaN.
@@ -72,11 +72,9 @@ class LinkMonitor:
     blind: bool = False
 
     def __post_init__(self) -> None:
-        """Fit the detector to the observer; raise MonitorError when the observer needs what a link does not carry."""
+        """Fit the detector to the observer; raise MonitorError when the channels are not those of the observer."""
         if self.observer is None:
             return
-        if self.observer.inputs:
-            raise MonitorError(f"the observer needs {self.observer.inputs} known inputs, a link carries none")
         if self.channels is not None and len(self.channels) != self.observer.outputs:
             raise MonitorError(f"{len(self.channels)} channels for an observer of {self.observer.outputs} outputs")
         object.__setattr__(self, "detector", matched(self.detector, self.observer))
@@ -85,21 +83,26 @@ class LinkMonitor:
         """State before the first sample."""
         if self.observer is None:
             return MonitorState((), None)
-        waiting = tuple(self.observer.init((), (nan,) * self.observer.outputs))
+        waiting = tuple(self.observer.init((nan,) * self.observer.inputs, (nan,) * self.observer.outputs))
         return MonitorState(waiting, self.detector.init(self.observer.outputs))
 
-    def step(self, state: MonitorState, y: Sequence[Component], delivered: Flag) -> tuple[MonitorState, MonitorOutput]:
-        """Take the sample of one step."""
+    def step(
+        self, state: MonitorState, y: Sequence[Component], delivered: Flag, u: Sequence[Component] = ()
+    ) -> tuple[MonitorState, MonitorOutput]:
+        """Take the sample of one step: outputs y, and the known inputs u that travel with them."""
         observer = self.observer
         if observer is None:
             return state, _refused(y, (nan,) * len(y))
         sent = y if len(y) == observer.outputs else self._sent(y, observer.outputs)
+        known_inputs = u if len(u) == observer.inputs else u[: observer.inputs]
         usable = delivered
-        for component in sent:
+        for component in (*known_inputs, *sent):
             usable = usable & is_finite(component)
         if not everywhere(usable):
             sent = tuple([select(usable, component, nan) for component in sent])
-        following, estimate = observer.step(_awake(observer, state.observer, sent), (), sent)
+            known_inputs = tuple([select(usable, component, nan) for component in known_inputs])
+        awake = _awake(observer, state.observer, known_inputs, sent)
+        following, estimate = observer.step(awake, known_inputs, sent)
         known = estimate.estimate if observer.states else (nan,) * len(y)  # an input estimator knows no state
         if self.blind:
             return MonitorState(following, state.detector), _refused(y, known)
@@ -122,7 +125,7 @@ class LinkMonitor:
         return tuple(placed)
 
 
-def _awake(observer: Observer, state: Vector, y: Sequence[Component]) -> Vector:
+def _awake(observer: Observer, state: Vector, u: Sequence[Component], y: Sequence[Component]) -> Vector:
     """State to step from: a fresh one where the observer waits (or lost its state to an overflow).
 
     NaN spreads to every component in one step, so the first one tells.
@@ -130,7 +133,7 @@ def _awake(observer: Observer, state: Vector, y: Sequence[Component]) -> Vector:
     waiting: Flag = is_missing(state[0]) if len(state) else False
     if not anywhere(waiting):
         return state
-    start = observer.init((), y)
+    start = observer.init(u, y)
     return tuple([select(waiting, fresh, kept) for fresh, kept in zip(start, state, strict=True)])
 
 

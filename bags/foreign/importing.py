@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bags.foreign.gridding import Grid, Samples, put_on_grid
-from bags.foreign.mapping import HistoryMapping, Mapping, Signal, StreamMapping
+from bags.foreign.mapping import HistoryMapping, Mapping, Signal, StreamMapping, stream_widths
 from bags.foreign.recordings import read_recordings
 from bags.foreign.units import unit_note
 from bags.mcap.errors import BagError
@@ -24,6 +24,7 @@ from bags.sources.recorded import Known
 from bags.watch.histories import read_all_histories
 from bags.wire.origin import MONITOR_ATTACHMENT, attach_versions
 from bags.wire.records import HistoryRecord
+from bags.wire.row import Widths
 from bags.wire.schema import RunTopics, run_topics
 from dgu_sim.grid import Link
 from dgu_sim.records import Sample
@@ -31,7 +32,6 @@ from dgu_sim.records import Sample
 MAPPING_ATTACHMENT = "mapping.yaml"
 REPORT_ATTACHMENT = "import.json"
 LONGEST_GAP_ROWS = 100  # a longer gap ends an experiment; a shorter one is NaN in it
-_WIDTH = 3  # components of a received output
 _SHORTEST = 2  # samples of an experiment
 
 Progress = Callable[[str, int, int], None]
@@ -182,7 +182,8 @@ def import_streams(
         signals, window_sec=(mapping.start_sec, mapping.stop_sec), period_ns=mapping.period_ns, common=False
     )
     links = [one.ends for one in mapping.streams]
-    topics = run_topics(sorted({end for link in links for end in (link.source, link.target)}), links, grid.period_ns)
+    ends = sorted({end for link in links for end in (link.source, link.target)})
+    topics = run_topics(ends, links, grid.period_ns, widths=stream_widths(mapping.streams))
     blocks = grid.blocks()
     first = next(blocks, None)
     if first is None:
@@ -272,7 +273,8 @@ class _Steps:
     def write(self, block: Samples) -> None:
         """Write one block: a sample of which anything is missing or no finite number is not delivered."""
         clock, tick = self._topics.clock(), self._topics.tick()
-        columns = [(codec, *_samples(block, one.y, one.delivered)) for codec, one in self._streams]
+        widths = self._topics.widths
+        columns = [(codec, *_samples(block, one, widths)) for codec, one in self._streams]
         arrived = np.stack([delivered for _, _, delivered in columns])
         self.missing += int((~arrived).any(axis=0).sum())
         for row in range(len(block.values)):
@@ -281,23 +283,23 @@ class _Steps:
             self._writer.write(tick.topic.name, stamp, tick.encode(self.count))
             for codec, vectors, delivered in columns:
                 vector = vectors[row].tolist()
-                sample = Sample(y=(vector[0], vector[1], vector[2]), delivered=bool(delivered[row]))
+                y, u = vector[: widths.outputs], vector[widths.outputs :]
+                sample = Sample(y=y, delivered=bool(delivered[row]), u=u)
                 self._writer.write(codec.topic.name, stamp, codec.encode(self.count, sample))
             self.count += 1
 
 
-def _samples(
-    block: Samples, y: Sequence[Signal], delivered: Signal | None
-) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-    """Received vectors, shape (rows, 3), NaN beyond the outputs that are sent, and whether each was delivered."""
-    if len(y) > _WIDTH:
-        raise BagError(f"a stream has {len(y)} outputs, expected at most {_WIDTH}")
-    vectors = np.full((len(block.values), _WIDTH), np.nan)
-    vectors[:, : len(y)] = block.table(y)
-    arrived = block.delivered(y) & np.isfinite(vectors[:, : len(y)]).all(axis=1)
-    if delivered is not None:
-        said = block.table([delivered])[:, 0]
-        arrived = arrived & block.delivered([delivered]) & (said != 0.0)
+def _samples(block: Samples, stream: StreamMapping, widths: Widths) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
+    """Outputs and known inputs side by side, shape (rows, p + m), NaN beyond what is sent, and what was delivered."""
+    signals = (*stream.y, *stream.u)
+    vectors = np.full((len(block.values), widths.outputs + widths.inputs), np.nan)
+    vectors[:, : len(stream.y)] = block.table(stream.y)
+    if stream.u:
+        vectors[:, widths.outputs : widths.outputs + len(stream.u)] = block.table(stream.u)
+    arrived = block.delivered(signals) & np.isfinite(block.table(signals)).all(axis=1)
+    if stream.delivered is not None:
+        said = block.table([stream.delivered])[:, 0]
+        arrived = arrived & block.delivered([stream.delivered]) & (said != 0.0)
     return vectors, arrived
 
 

@@ -1,6 +1,7 @@
 """The mapping file: which foreign numbers are what, in which units, and how they are sampled."""
 
 from collections.abc import Mapping as MappingType
+from collections.abc import Sequence
 from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any, Self
@@ -10,6 +11,7 @@ from pydantic import BeforeValidator, Field, ValidationError, model_validator
 from bags.foreign.sampling import Policy
 from bags.foreign.units import factor_of
 from bags.mcap.errors import BagError
+from bags.wire.row import Widths
 from dgu_sim.errors import ScenarioError
 from dgu_sim.explain import explain
 from dgu_sim.grid import Link
@@ -117,6 +119,7 @@ class StreamMapping(Frozen):
 
     link: str = Field(description='"SOURCE-TARGET": from the watched DGU to the one that hosts the monitor.')
     y: Signals = Field(min_length=1, description="Received outputs, those of the history.")
+    u: Signals = Field(default=(), description="Known inputs of the sender, those of the history; default: none.")
     delivered: OneSignal | None = Field(
         default=None, description="0 where the link lost the sample; default: all came."
     )
@@ -138,8 +141,8 @@ class StreamMapping(Frozen):
 
     @property
     def signals(self) -> tuple[Signal, ...]:
-        """Outputs, then whether they were delivered."""
-        return (*self.y, *([self.delivered] if self.delivered else []))
+        """Outputs and known inputs, then whether they were delivered."""
+        return (*self.y, *self.u, *([self.delivered] if self.delivered else []))
 
 
 class Mapping(Frozen):
@@ -213,3 +216,11 @@ def mapping_of(data: MappingType[str, object], source: str) -> Mapping:
         return Mapping.model_validate(dict(data))
     except ValidationError as error:
         raise BagError(f"{source}: {explain(error, dict(data))}") from error
+
+
+def stream_widths(streams: Sequence[StreamMapping], states: int | None = None) -> Widths:
+    """Outputs and known inputs of the widest stream; states as given, or as many as outputs."""
+    outputs = max(len(one.y) for one in streams)
+    return Widths(
+        outputs=outputs, states=outputs if states is None else states, inputs=max(len(one.u) for one in streams)
+    )

@@ -8,22 +8,28 @@ from pathlib import Path
 from typing import NamedTuple, final
 
 from bags.foreign.fields import FieldPath
-from bags.foreign.mapping import Mapping, Signal, StreamMapping
+from bags.foreign.mapping import Mapping, Signal, StreamMapping, stream_widths
 from bags.foreign.sampling import Row, Values
 from bags.mcap.errors import BagError
 from bags.watch.designs import design_run, said_of
 from bags.watch.histories import read_histories
 from bags.wire.convert import history_of
 from bags.wire.records import DesignRecord, HistoryRecord
+from bags.wire.row import Widths
 from bags.wire.schema import RunTopics, run_topics
 from dgu_sim.grid import Link
 from dgu_sim.records import Sample
 from dgu_sim.settings import MonitorSettings
 from monitor.history import History
+from monitor.linear import Component
 from monitor.link_monitor import LinkMonitor, MonitorOutput, MonitorState
 
-WIDTH = 3  # components of a vector in a message
 _SAME_PERIOD = 1e-3  # relative
+
+
+def padded(vector: Sequence[Component], width: int) -> tuple[Component, ...]:
+    """A vector with NaN for what it lacks."""
+    return (*vector, *(nan,) * width)[:width]
 
 
 class Place(NamedTuple):
@@ -47,16 +53,20 @@ class StreamReader:
     Attributes:
         link: The link.
         y: Outputs.
+        u: Known inputs.
+        widths: Of the vectors of all streams; NaN stands for what this one does not send.
         delivered: 0 where the sample was lost, None: nothing says so.
     """
 
     link: Link
     y: tuple[Place, ...]
+    u: tuple[Place, ...]
+    widths: Widths
     delivered: Place | None
 
     def sample(self, row: Row) -> Sample:
         """The received output; not delivered where any part of it is missing."""
-        places = self.y if self.delivered is None else (*self.y, self.delivered)
+        places = (*self.y, *self.u, *([] if self.delivered is None else [self.delivered]))
         numbers: list[float] = []
         arrived = True
         for place in places:
@@ -66,8 +76,8 @@ class StreamReader:
         if self.delivered is not None:
             said = numbers.pop()
             arrived = arrived and isfinite(said) and said != 0.0
-        V, I_t, v = (*numbers, nan, nan)[:WIDTH]
-        return Sample(y=(V, I_t, v), delivered=arrived)
+        y, u = numbers[: len(self.y)], numbers[len(self.y) :]
+        return Sample(y=padded(y, self.widths.outputs), delivered=arrived, u=padded(u, self.widths.inputs))
 
 
 @final
@@ -103,9 +113,9 @@ class StreamMonitors:
         found: list[tuple[Sample, MonitorOutput]] = []
         for reader, monitor, state in zip(self.readers, self.monitors, states, strict=True):
             sample = reader.sample(row)
-            after, output = monitor.step(state, tuple(sample.y), sample.delivered)
+            after, output = monitor.step(state, tuple(sample.y), sample.delivered, tuple(sample.u))
             following.append(after)
-            found.append((sample, output._replace(estimate=(*output.estimate, nan, nan, nan)[:WIDTH])))
+            found.append((sample, output._replace(estimate=padded(tuple(output.estimate), self.topics.widths.states))))
         return tuple(following), found
 
 
@@ -128,7 +138,8 @@ def stream_monitors(mapping: Mapping, source: str, history: Path) -> StreamMonit
     records = {dgu: read_histories(history, dgu) for dgu in sorted({link.source for link in streams})}
     histories = {dgu: history_of(found) for dgu, found in records.items()}
     period_sec = _period_sec(mapping, source, history, histories)
-    topics = run_topics(ends, list(streams), round(period_sec * 1e9))
+    widths = stream_widths(mapping.streams, max(one.states for one in histories.values()))
+    topics = run_topics(ends, list(streams), round(period_sec * 1e9), widths=widths)
     fields = _fields(source, mapping.streams)
     for link, one in streams.items():
         _check_fits(source, one, link, histories[link.source])
@@ -139,7 +150,7 @@ def stream_monitors(mapping: Mapping, source: str, history: Path) -> StreamMonit
     return StreamMonitors(
         topics=topics,
         fields=fields,
-        readers=tuple(_reader(streams[link], fields) for link in topics.links),
+        readers=tuple(_reader(streams[link], fields, widths) for link in topics.links),
         monitors=tuple(link for monitor in monitors for link in monitor.links),
         designs=tuple(record for _, record in designs.messages()),
         histories=tuple(record for found in records.values() for record in found),
@@ -164,10 +175,10 @@ def _check_fits(source: str, stream: StreamMapping, link: Link, history: History
             f"{source}: stream {stream.link} has {len(stream.y)} outputs y, expected {history.outputs} as the history "
             f"of DGU {link.source} has"
         )
-    if history.states > WIDTH:
+    if len(stream.u) != history.inputs:
         raise BagError(
-            f"{source}: the history of DGU {link.source} has {history.states} states, expected at most {WIDTH}: a "
-            "dcmg_msgs/Residual carries no more"
+            f"{source}: stream {stream.link} has {len(stream.u)} known inputs u, expected {history.inputs} as the "
+            f"history of DGU {link.source} has"
         )
 
 
@@ -183,7 +194,7 @@ def _fields(source: str, streams: Sequence[StreamMapping]) -> dict[str, tuple[Fi
     return {topic: tuple(paths.values()) for topic, paths in found.items()}
 
 
-def _reader(stream: StreamMapping, fields: MappingType[str, tuple[FieldPath, ...]]) -> StreamReader:
+def _reader(stream: StreamMapping, fields: MappingType[str, tuple[FieldPath, ...]], widths: Widths) -> StreamReader:
     tracks = list(fields)
 
     def place(signal: Signal) -> Place:
@@ -193,5 +204,7 @@ def _reader(stream: StreamMapping, fields: MappingType[str, tuple[FieldPath, ...
     return StreamReader(
         link=stream.ends,
         y=tuple(place(signal) for signal in stream.y),
+        u=tuple(place(signal) for signal in stream.u),
+        widths=widths,
         delivered=place(stream.delivered) if stream.delivered else None,
     )

@@ -16,18 +16,22 @@ from typing import Any, final
 import numpy as np
 from mcap.opcode import Opcode
 from numpy.typing import NDArray
+from rosbags.interfaces import Nodetype
 
 from bags.mcap.cdr import Layout, layout_of
 from bags.mcap.chunk import MESSAGE_HEAD, MESSAGE_HEAD_LENGTH
 from bags.mcap.container import ChunkView, Container, open_container, readable
-from bags.mcap.definitions import is_standard
+from bags.mcap.definitions import differing, is_standard
 from bags.mcap.errors import BagError
-from bags.mcap.typestore import typestore
+from bags.mcap.typestore import PACKAGE, Definitions, typestore_of
 from bags.mcap.varying_text import of_varying_text
 
 BLOCK_ROWS = 10_000
 _LENGTH = ".length"  # of the one string in a layout
-_CONSTANT_SEQUENCES = {"dcmg_msgs/msg/TeamEstimate": ("alarm", "estimate", "disagreement", "threshold")}
+_CONSTANT = {
+    f"{PACKAGE}/msg/{name}" for name in ("Alarm", "InputEstimate", "Output", "Own", "Residual", "State", "TeamEstimate")
+}
+"""Types whose sequences are as long in every message of a topic."""
 
 
 @final
@@ -97,10 +101,11 @@ class Bag:
         if not is_standard(self._container.definitions[topic]):
             raise BagError(f"{self.path}: {topic} holds {type_name} by a definition of its own, see bags.sources")
         layout: Layout | None = None
+        older = differing(self._container.definitions.values())
         parts: list[tuple[NDArray[np.int64], NDArray[np.void]]] = []
         for channel_id, chunk in self._chunks(topic):
             with readable(self.path):
-                layout = layout or _layout(type_name, next(chunk.payloads(channel_id)))
+                layout = layout or first_layout(type_name, next(chunk.payloads(channel_id)), older)
                 parts.append(_records(chunk, channel_id, layout, topic))
             if sum(len(part) for _, part in parts) >= rows:
                 yield _block(topic, parts)
@@ -150,7 +155,7 @@ class Bag:
             BagError: No such topic.
         """
         type_name = self._topic(topic).type_name
-        if type_name in _CONSTANT_SEQUENCES:
+        if type_name in _CONSTANT:
             return True
         try:
             layout_of(type_name)
@@ -201,22 +206,30 @@ def open_bag(path: Path) -> Bag:
     )
 
 
-def _layout(type_name: str, first: bytes) -> Layout:
-    """Layout of a type whose string and sequences, if it has them, are as long as in the first message."""
+def first_layout(type_name: str, first: bytes, definitions: Definitions = ()) -> Layout:
+    """Layout of a type whose string and sequences, if it has them, are as long as in the first message.
+
+    Args:
+        type_name: Full message type name.
+        first: The message.
+        definitions: Of types that are not as ours.
+    """
     sequences: tuple[tuple[str, int], ...] = ()
-    if type_name in _CONSTANT_SEQUENCES:
-        message = typestore().deserialize_cdr(first, type_name)
-        sequences = tuple((name, len(getattr(message, name))) for name in _CONSTANT_SEQUENCES[type_name])
-    layout = layout_of(type_name, sequences=sequences)
+    if type_name in _CONSTANT:
+        message = typestore_of(definitions).deserialize_cdr(first, type_name)
+        fields = typestore_of(definitions).fielddefs[type_name][1]
+        named = [name for name, (kind, _) in fields if kind is Nodetype.SEQUENCE]
+        sequences = tuple((name, len(getattr(message, name))) for name in named)
+    layout = layout_of(type_name, sequences=sequences, definitions=definitions)
     names, lengths = layout.dtype.names or (), {f"{name}{_LENGTH}" for name, _ in sequences}
     for name in names:
-        fields: Mapping[str, Any] = layout.dtype.fields or {}
+        places: Mapping[str, Any] = layout.dtype.fields or {}
         if name.endswith(_LENGTH) and name.removesuffix(_LENGTH) in names and name not in lengths:
-            at = fields[name][1]
+            at = places[name][1]
             if len(first) < at + 4:
                 raise BagError(f"{type_name}: found {len(first)} bytes, expected {layout.size} or more")
             (length,) = struct.unpack_from("<I", first, at)
-            return layout_of(type_name, first[at + 4 : at + 3 + length].decode(), sequences)
+            return layout_of(type_name, first[at + 4 : at + 3 + length].decode(), sequences, definitions)
     return layout
 
 

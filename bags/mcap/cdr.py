@@ -15,9 +15,10 @@ from typing import Any, NamedTuple, cast, final
 import numpy as np
 from numpy.typing import NDArray
 from rosbags.interfaces import Nodetype
+from rosbags.typesys.store import Typestore
 
 from bags.mcap.errors import BagError
-from bags.mcap.typestore import typestore
+from bags.mcap.typestore import Definitions, typestore_of
 
 ENCAPSULATION = b"\x00\x01\x00\x00"
 
@@ -86,13 +87,17 @@ class Layout:
 
 
 @cache
-def layout_of(type_name: str, text: str = "", sequences: tuple[tuple[str, int], ...] = ()) -> Layout:
+def layout_of(
+    type_name: str, text: str = "", sequences: tuple[tuple[str, int], ...] = (), definitions: Definitions = ()
+) -> Layout:
     """Layout of a message type whose one string field, if any, always holds `text`.
 
     Args:
         type_name: Full message type name.
         text: The string, usually the header's frame_id.
-        sequences: Dotted name and number of elements of each sequence: the same in every message.
+        sequences: Dotted name and number of elements of each sequence: the same in every message; a name that is no
+            sequence is passed over.
+        definitions: Of types that are not as ours: those of an older bag.
 
     Raises:
         BagError: The type has another sequence, or more than one string: its length is not fixed.
@@ -100,7 +105,7 @@ def layout_of(type_name: str, text: str = "", sequences: tuple[tuple[str, int], 
     encoded = text.encode() + b"\0"
     builder = _Builder()
     lengths = dict(sequences)
-    for name, primitive, count, sequence in _leaves(type_name, "", lengths):
+    for name, primitive, count, sequence in _leaves(type_name, "", lengths, typestore_of(definitions)):
         if primitive == "string":
             builder.add_text(name, encoded)
             continue
@@ -229,9 +234,8 @@ class _Builder:
         self.offsets.append(self.end)
 
 
-def _leaves(type_name: str, prefix: str, lengths: Mapping[str, int]) -> Iterator[_Leaf]:
+def _leaves(type_name: str, prefix: str, lengths: Mapping[str, int], store: Typestore) -> Iterator[_Leaf]:
     """Every field, nested messages opened up."""
-    store = typestore()
     if type_name not in store.fielddefs:
         raise BagError(f"message type {type_name!r} is unknown")
     for name, (kind, detail) in store.fielddefs[type_name][1]:
@@ -240,7 +244,7 @@ def _leaves(type_name: str, prefix: str, lengths: Mapping[str, int]) -> Iterator
             case Nodetype.BASE, (str(primitive), _):
                 yield _Leaf(dotted, primitive)
             case Nodetype.NAME, str(nested):
-                yield from _leaves(nested, f"{dotted}.", lengths)
+                yield from _leaves(nested, f"{dotted}.", lengths, store)
             case Nodetype.ARRAY, ((Nodetype.BASE, (str(primitive), _)), int(count)) if primitive != "string":
                 yield _Leaf(dotted, primitive, count)
             case Nodetype.SEQUENCE, ((Nodetype.BASE, (str(primitive), _)), _) if dotted in lengths:

@@ -1,6 +1,6 @@
 """Messages by the definition that their own channel carries: one type name may stand for two definitions in one bag."""
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache
 from pathlib import Path
@@ -11,7 +11,7 @@ from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_
 from rosbags.typesys.msg import normalize_msgtype
 
 from bags.mcap.errors import BagError
-from bags.mcap.typestore import SCHEMA_SEPARATOR, typestore
+from bags.mcap.typestore import PACKAGE, SCHEMA_SEPARATOR, Definitions, typestore
 
 # fields of message types by name, as rosbags keeps them: (constants, [(field, (node type, description))])
 Types: TypeAlias = Mapping[str, tuple[Any, Sequence[tuple[str, Any]]]]
@@ -108,6 +108,18 @@ def is_standard(definition: Definition) -> bool:
     except BagError:
         return False
     return all(name in known and _shape(fields) == _shape(known[name][1]) for name, (_, fields) in types.items())
+
+
+def differing(found: Iterable[Definition]) -> Definitions:
+    """Those of our own types that a bag lays out otherwise than we do: it is older, or newer."""
+    ours = sorted(
+        {
+            (one.type_name, one.text)
+            for one in set(found)
+            if one.type_name.startswith(f"{PACKAGE}/") and not is_standard(one)
+        }
+    )
+    return tuple(ours)
 
 
 def types_in_folder(folder: Path) -> dict[str, Any]:

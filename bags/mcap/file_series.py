@@ -143,11 +143,11 @@ class FileSeries:
 
     def _announce(self, file: McapFile, topic: Topic) -> None:
         if topic.type_name not in self._schema_ids:
-            text = schema_text(topic.type_name).encode()
-            self._schema_ids[topic.type_name] = file.add_schema(topic.type_name, SchemaEncoding.ROS2, text)
+            text = dict(topic.definitions).get(topic.type_name) or schema_text(topic.type_name)
+            self._schema_ids[topic.type_name] = file.add_schema(topic.type_name, SchemaEncoding.ROS2, text.encode())
         metadata = {
             "offered_qos_profiles": offered_qos_text(topic),
-            "topic_type_hash": type_hash(topic.type_name),
+            "topic_type_hash": type_hash(topic.type_name, topic.definitions),
         }
         self.channel_ids[topic.name] = file.add_channel(
             topic.name, MessageEncoding.CDR, self._schema_ids[topic.type_name], metadata

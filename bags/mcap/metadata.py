@@ -44,7 +44,7 @@ class TopicEntry:
             name=topic.name,
             type_name=topic.type_name,
             offered_qos=offered_qos(topic),
-            type_hash=type_hash(topic.type_name),
+            type_hash=type_hash(topic.type_name, topic.definitions),
             count=count,
         )
 

@@ -6,6 +6,7 @@ from typing import final
 
 from bags.mcap.cdr import Layout
 from bags.mcap.qos import LATCHED_QOS, STREAM_QOS, Qos
+from bags.mcap.typestore import Definitions
 
 NANOSECONDS_PER_SECOND = 1_000_000_000
 
@@ -29,6 +30,7 @@ class Topic:
         publishers: Names of the nodes that publish it: one, except for /diagnostics.
         kind: Per step, event or latched.
         layout: Byte layout, None when messages vary in length.
+        definitions: Of types that are not as ours: those of an older bag.
     """
 
     name: str
@@ -36,6 +38,7 @@ class Topic:
     publishers: tuple[str, ...]
     kind: TopicKind
     layout: Layout | None = None
+    definitions: Definitions = ()
 
     @property
     def qos(self) -> Qos:

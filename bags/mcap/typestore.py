@@ -5,6 +5,7 @@
 
 from functools import cache
 from importlib import resources
+from typing import TypeAlias
 
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 from rosbags.typesys.store import Typestore
@@ -21,6 +22,28 @@ def typestore() -> Typestore:
     store = get_typestore(Stores.ROS2_JAZZY)
     for type_name, text in _own_definitions().items():
         store.register(get_types_from_msg(text, type_name))
+    return store
+
+
+Definitions: TypeAlias = tuple[tuple[str, str], ...]
+"""Type names and schema texts of those of our types that a bag defines otherwise than we do."""
+
+
+@cache
+def typestore_of(definitions: Definitions) -> Typestore:
+    """The types as a bag defines them.
+
+    Raises:
+        BagError: A definition cannot be read.
+    """
+    if not definitions:
+        return typestore()
+    store = get_typestore(Stores.ROS2_JAZZY)
+    for type_name, text in {**_own_definitions(), **dict(definitions)}.items():
+        try:
+            store.register({type_name: get_types_from_msg(text, type_name)[type_name]})
+        except Exception as error:  # rosbags raises whatever the text leads to
+            raise BagError(f"{type_name}: its definition cannot be read ({error})") from error
     return store
 
 
@@ -48,16 +71,17 @@ def schema_text(type_name: str) -> str:
 
 
 @cache
-def type_hash(type_name: str) -> str:
+def type_hash(type_name: str, definitions: Definitions = ()) -> str:
     """RIHS01 hash of a type, as ROS 2 puts it into `type_description_hash`.
 
     Args:
         type_name: Full name, `package/msg/Type`.
+        definitions: Of types that are not as ours.
 
     Raises:
         BagError: The type is unknown.
     """
-    return typestore().hash_rihs01(_known(type_name))
+    return typestore_of(definitions).hash_rihs01(_known(type_name))
 
 
 def _known(type_name: str) -> str:

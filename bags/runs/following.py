@@ -66,3 +66,4 @@ class _Run(NamedTuple):
     reference: FloatArray
     received: FloatArray
     delivered: NDArray[np.bool_]
+    u: FloatArray | None = None

@@ -15,10 +15,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bags.mcap.container import Container, open_container, readable
+from bags.mcap.definitions import differing
 from bags.mcap.errors import BagError
 from bags.mcap.topic import NANOSECONDS_PER_SECOND, TopicKind
 from bags.runs.columns import columns_of, messages_of
 from bags.runs.run_record import RunRecord
+from bags.runs.widths import widths_of
 from bags.watch.team_record import TeamRecord
 from bags.wire import table
 from bags.wire.origin import SCENARIO_ATTACHMENT
@@ -203,7 +205,8 @@ def _topics_of(container: Container) -> RunTopics:
     if any(type_name == "dcmg_msgs/msg/Verdict" for type_name in types.values()):
         own, inputs = (kind in types.values() for kind in ("dcmg_msgs/msg/Own", "dcmg_msgs/msg/InputEstimate"))
         parts = Parts(local=own, inputs=inputs)
-    topics = run_topics(dgus, links, 1, team=team, parts=parts)
+    definitions = differing(container.definitions.values())
+    topics = run_topics(dgus, links, 1, team=team, parts=parts, definitions=definitions)
     monitored = any(topics.residual(link).topic.name in types for link in links)
     residuals = [topics.residual(link).topic for link in topics.links] if monitored else []
     for topic in topics.per_step if simulated else [*topics.heard, *residuals]:
@@ -211,7 +214,9 @@ def _topics_of(container: Container) -> RunTopics:
             raise BagError(
                 f"{container.path}: {topic.name} is {types.get(topic.name, 'missing')}, expected {topic.type_name}"
             )
-    return run_topics(dgus, links, _sampling_period_ns(container, topics), team=team, parts=parts)
+    return replace(
+        topics, sampling_period_ns=_sampling_period_ns(container, topics), widths=widths_of(container, topics)
+    )
 
 
 def _sampling_period_ns(container: Container, topics: RunTopics) -> int:

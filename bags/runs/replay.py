@@ -113,7 +113,10 @@ class _Prepared:
 def _prepare(record: RunRecord, overrides: Sequence[str], *, redesign: bool) -> _Prepared:
     check_overrides(overrides)
     settings, scenario, attachment = _settings(record, overrides)
-    topics = replace(record.topics, parts=parts_of(settings), has_team=settings.team is not None)
+    histories = histories_of(record)
+    states = max((one.states for one in histories.values()), default=record.topics.widths.states)
+    widths = record.topics.widths._replace(states=states)
+    topics = replace(record.topics, parts=parts_of(settings), has_team=settings.team is not None, widths=widths)
     team = None
     if scenario is not None and topics.has_team:
         if record.team is None or not record.team.histories:
@@ -121,7 +124,7 @@ def _prepare(record: RunRecord, overrides: Sequence[str], *, redesign: bool) -> 
         team = team_told(scenario, topics, record.team.histories)
     carried = None if redesign else carried_by(record)
     with said_of(f"{record.path}/{SCENARIO_ATTACHMENT}", overrides):
-        designs = design_run(topics, settings, histories_of(record), carried=carried, team=team)
+        designs = design_run(topics, settings, histories, carried=carried, team=team)
         watch = Watch(designs=designs)
     records = [design for _, design in designs.messages()]
     estimators = len(record.links) if topics.has(Need.INPUTS) else 0

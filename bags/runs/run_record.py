@@ -89,6 +89,11 @@ class RunRecord:
         return self.arrays["received.y"]
 
     @property
+    def u(self) -> NDArray[np.float64]:
+        """Known inputs that travelled with them, shape (steps, links, m)."""
+        return self.arrays.get("received.u", np.empty((*self.delivered.shape, 0)))
+
+    @property
     def delivered(self) -> NDArray[np.bool_]:
         """False where a link lost the sample, shape (steps, links)."""
         return self.arrays["received.delivered"]

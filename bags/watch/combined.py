@@ -15,11 +15,10 @@ from numpy.typing import NDArray
 from bags.watch.combined_arrays import CombinedFields, fields_of
 from bags.watch.designs import RunDesigns
 from bags.watch.monitors import MonitorArrays, RunMonitors, monitors_of
+from bags.wire.row import Widths
 from monitor.combined import DguMonitor, DguOutput, DguState, Own, Received
 from monitor.linear import Component, Flag
 from monitor.link_monitor import MonitorState
-
-_WIDTH = 3
 
 
 class Conclusions(NamedTuple):
@@ -48,6 +47,10 @@ class Seen(Protocol):
     @property
     def received(self) -> NDArray[np.float64]:
         """y^c, shape (steps, links, p)."""
+
+    @property
+    def u(self) -> NDArray[np.float64] | None:
+        """Known inputs that travelled with them, shape (steps, links, m); None: none did."""
 
     @property
     def delivered(self) -> NDArray[np.bool_]:
@@ -136,7 +139,7 @@ class Watch:
             spoofed: By row, positions of the links whose stream was not one publisher's in order.
         """
         if self._lanes is not None:
-            self._lane_states, links = self._lanes.run(self._lane_states, seen.received, seen.delivered)
+            self._lane_states, links = self._lanes.run(self._lane_states, seen.received, seen.delivered, seen.u)
             return Conclusions(links=links, combined=None)
         for row in range(len(seen.delivered)):
             y, y_c = seen.y[row].T[:, None], seen.received[row].T[:, None]
@@ -149,7 +152,10 @@ class Watch:
         combined = self.designs.topics.combined
         assert combined is not None  # noqa: S101 - whoever makes a Watch has seen to it
         lags = [one.lag for monitor in self._monitors for one in monitor.inputs]
-        return Conclusions(links=_links(rows, len(self.designs.topics.links)), combined=fields_of(rows, lags, combined))
+        return Conclusions(
+            links=_links(rows, len(self.designs.topics.links), self.designs.topics.widths),
+            combined=fields_of(rows, lags, combined),
+        )
 
 
 def _vectors(components: NDArray[np.float64], *, alone: bool) -> list[list[Component]]:
@@ -160,13 +166,15 @@ def _vectors(components: NDArray[np.float64], *, alone: bool) -> list[list[Compo
     return [list(vector) for vector in components.transpose(2, 0, 1)]
 
 
-def _links(rows: Sequence[Sequence[DguOutput]], links: int) -> MonitorArrays:
+def _links(rows: Sequence[Sequence[DguOutput]], links: int, widths: Widths) -> MonitorArrays:
     """What the monitors of the links concluded."""
     steps = len(rows)
     arrays = MonitorArrays(
         phase=np.zeros((steps, links), dtype=np.uint8),
         alarm=np.zeros((steps, links), dtype=np.bool_),
-        **{name: np.full((steps, links, _WIDTH), np.nan) for name in ("estimate", "residual", "threshold")},
+        estimate=np.full((steps, links, widths.states), np.nan),
+        residual=np.full((steps, links, widths.outputs), np.nan),
+        threshold=np.full((steps, links, widths.outputs), np.nan),
     )
     for name in ("phase", "alarm", "estimate", "residual", "threshold") if steps and links else ():
         getattr(arrays, name)[:] = [[getattr(said, name) for one in row for said in one.links] for row in rows]

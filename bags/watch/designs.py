@@ -29,8 +29,6 @@ from monitor.local import LocalDesign
 from monitor.options import within
 from monitor.team import TeamPlan
 
-_WIDTH = 3  # components of a received output
-
 LinkMethod: TypeAlias = Callable[[int, History], LinkDesign]
 """From the number of a DGU and its history to what watches the links from it."""
 
@@ -151,14 +149,14 @@ def design_run(
         method: What designs the observers of links, None: what the settings say.
 
     Raises:
-        BagError: A history has more states than a message carries.
+        BagError: A history has more known inputs than a sample carries.
         monitor.errors.MonitorError: Unknown kind or option, or one that does not fit.
     """
     for source, history in histories.items():
-        if history.states > _WIDTH:
+        if history.inputs > topics.widths.inputs:
             raise BagError(
-                f"the history of DGU {source} has {history.states} states, expected at most {_WIDTH}: a "
-                "dcmg_msgs/Residual carries no more"
+                f"the history of DGU {source} has {history.inputs} known inputs u, expected at most "
+                f"{topics.widths.inputs}, as the samples on its links carry"
             )
     plan = plan_of(settings, topics.sampling_period_ns * 1e-9)
     make = _Maker(topics=topics, settings=settings, plan=plan, histories=histories, carried=carried, method=method)

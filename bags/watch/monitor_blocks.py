@@ -13,57 +13,67 @@ from monitor.detectors import BlockDetector, Detector, Verdict
 from monitor.linear import anywhere, is_missing
 from monitor.link_monitor import LinkMonitor, MonitorState
 
-Conclusions: TypeAlias = tuple[NDArray[np.uint8], NDArray[np.bool_], NDArray[np.float64]]
-"""Phase (steps, links), alarm (steps, links); estimate, residual and threshold (steps, 3, width, links)."""
+Conclusions: TypeAlias = tuple[NDArray[np.uint8], NDArray[np.bool_], tuple[NDArray[np.float64], ...]]
+"""Phase and alarm (steps, links); estimate (steps, n, links), residual and threshold (steps, p, links)."""
 
 _WORTH = 16  # steps: fewer are not quicker at once
 
 
 def run_monitor(
-    monitor: LinkMonitor, state: MonitorState, y: NDArray[np.float64], delivered: NDArray[np.bool_]
+    monitor: LinkMonitor,
+    state: MonitorState,
+    samples: tuple[NDArray[np.float64], NDArray[np.float64]],
+    delivered: NDArray[np.bool_],
+    states: int,
 ) -> tuple[MonitorState, Conclusions]:
     """Take the samples of consecutive steps.
 
     Args:
         monitor: Stepped with arrays over links.
         state: Its state.
-        y: Shape (steps, width, links).
+        samples: Known inputs u, shape (steps, m, links), and outputs y, shape (steps, p, links).
         delivered: Shape (steps, links).
+        states: n, components of an estimate.
     """
+    u, y = samples
     steps, width, links = y.shape
     phase, alarm = np.empty((steps, links), dtype=np.uint8), np.empty((steps, links), dtype=np.bool_)
-    numbers = np.full((steps, 3, width, links), np.nan)  # plants of others may have fewer states
-    gaps = np.flatnonzero(~(delivered & np.isfinite(y).all(axis=1)).all(axis=1))
-    whole = isinstance(monitor.observer, StackedObserver) and not monitor.blind and monitor.observer.states == width
+    numbers = tuple(np.full((steps, size, links), np.nan) for size in (states, width, width))
+    gaps = np.flatnonzero(~(delivered & np.isfinite(y).all(axis=1) & np.isfinite(u).all(axis=1)).all(axis=1))
+    whole = isinstance(monitor.observer, StackedObserver) and not monitor.blind
+    driven = np.concatenate([u, y], axis=1) if u.shape[1] else y
     k = 0
     while k < steps:
-        state, output = monitor.step(state, y[k], delivered[k])
+        state, output = monitor.step(state, y[k], delivered[k], u[k])
         phase[k], alarm[k] = output.phase, output.alarm
-        for kind, vector in enumerate((output.estimate, output.residual, output.threshold)):
-            for row, component in enumerate(vector):
-                numbers[k, kind, row] = component
+        for target, vector in zip(numbers, (output.estimate, output.residual, output.threshold), strict=True):
+            for row, component in enumerate(vector[: target.shape[1]]):
+                target[k, row] = component
         k += 1
         following = int(np.searchsorted(gaps, k))
         end = int(gaps[following]) if following < len(gaps) else steps
         if whole and end - k >= _WORTH:
-            found = _at_once(monitor, state, y[k:end])
+            found = _at_once(monitor, state, driven[k:end])
             if found is not None:
                 state, estimate, residual, verdict = found
                 phase[k:end], alarm[k:end] = verdict.phase, verdict.alarm
-                numbers[k:end, 0], numbers[k:end, 1], numbers[k:end, 2] = estimate, residual, verdict.threshold
+                numbers[0][k:end, : estimate.shape[1]] = estimate
+                numbers[1][k:end], numbers[2][k:end] = residual, verdict.threshold
                 k = end
     return state, (phase, alarm, numbers)
 
 
 def _at_once(
-    monitor: LinkMonitor, state: MonitorState, y: NDArray[np.float64]
+    monitor: LinkMonitor, state: MonitorState, driven: NDArray[np.float64]
 ) -> tuple[MonitorState, NDArray[np.float64], NDArray[np.float64], Verdict] | None:
     """State, estimates, residuals and verdicts of samples that are all there; None where an observer has to restart."""
     observer = monitor.observer
     assert isinstance(observer, StackedObserver)  # noqa: S101 - the caller has seen to it
-    if y.shape[1] != observer.outputs or (len(state.observer) and anywhere(is_missing(state.observer[0]))):
+    if driven.shape[1] != observer.inputs + observer.outputs or (
+        len(state.observer) and anywhere(is_missing(state.observer[0]))
+    ):
         return None
-    following, estimate = observer.run(state.observer, y)
+    following, estimate = observer.run(state.observer, driven)
     residual = np.asarray(estimate.residual)
     if not (np.isfinite(following).all() and np.isfinite(residual).all()):
         return None

@@ -26,8 +26,6 @@ from monitor.measures import changed
 from monitor.observers import LinearObserver, Observer
 from monitor.options import within
 
-_WIDTH = 3  # components of a received output
-
 
 @final
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -73,35 +71,43 @@ class RunMonitors:
     Attributes:
         designs: What was designed for each link, in the order of the links.
         groups: How they step.
+        states: n, components of an estimate; None: as many as a sample has.
     """
 
     designs: tuple[LinkDesign, ...]
     groups: tuple[LinkGroup, ...]
+    states: int | None = None
 
     def init(self) -> tuple[MonitorState, ...]:
         """State before the first sample."""
         return tuple(group.monitor.init() for group in self.groups)
 
     def run(
-        self, states: Sequence[MonitorState], received: NDArray[np.float64], delivered: NDArray[np.bool_]
+        self,
+        states: Sequence[MonitorState],
+        received: NDArray[np.float64],
+        delivered: NDArray[np.bool_],
+        u: NDArray[np.float64] | None = None,
     ) -> tuple[tuple[MonitorState, ...], MonitorArrays]:
         """Take the samples of consecutive steps.
 
         Args:
             states: State of each group.
-            received: Shape (steps, links, 3).
+            received: Shape (steps, links, p).
             delivered: Shape (steps, links).
+            u: Known inputs that travel with the outputs, shape (steps, links, m); None: none do.
         """
-        shape = delivered.shape
+        shape, outputs = delivered.shape, received.shape[-1]
+        inputs = np.empty((*shape, 0)) if u is None else u
         arrays = MonitorArrays(
             phase=np.full(shape, Phase.REFUSED.value, dtype=np.uint8),
             alarm=np.zeros(shape, dtype=np.bool_),
-            estimate=np.full((*shape, _WIDTH), np.nan),
-            residual=np.full((*shape, _WIDTH), np.nan),
-            threshold=np.full((*shape, _WIDTH), np.nan),
+            estimate=np.full((*shape, outputs if self.states is None else self.states), np.nan),
+            residual=np.full((*shape, outputs), np.nan),
+            threshold=np.full((*shape, outputs), np.nan),
         )
         following = [
-            _run_group(group, state, received, delivered, arrays)
+            _run_group(group, state, (inputs, received), delivered, arrays)
             for group, state in zip(self.groups, states, strict=True)
         ]
         return tuple(following), arrays
@@ -114,9 +120,10 @@ def monitors_of(designs: RunDesigns, runs: int = 1) -> RunMonitors:
         monitor.errors.MonitorError: Unknown kind or option of the detector.
     """
     links = designs.links * runs
+    states = designs.topics.widths.states
     with within("detector"):
         detector = detectors.build(*designs.plan.detector, designs.plan.sampling_period_sec)
-        return RunMonitors(designs=links, groups=group_monitors(links, detector))
+        return RunMonitors(designs=links, groups=group_monitors(links, detector), states=states)
 
 
 def link_monitors(scenario: Scenario, runs: int = 1) -> RunMonitors:
@@ -207,16 +214,16 @@ def _linear(observer: Observer | None) -> LinearObserver | None:
 def _run_group(
     group: LinkGroup,
     state: MonitorState,
-    received: NDArray[np.float64],
+    samples: tuple[NDArray[np.float64], NDArray[np.float64]],
     delivered: NDArray[np.bool_],
     arrays: MonitorArrays,
 ) -> MonitorState:
     """Step one group through all samples and write its conclusions into the arrays of all links."""
-    y = np.ascontiguousarray(received[:, group.positions].swapaxes(1, 2))  # (steps, 3, group)
+    u, y = (np.ascontiguousarray(one[:, group.positions].swapaxes(1, 2)) for one in samples)  # (steps, p, group)
     arrived = np.ascontiguousarray(delivered[:, group.positions])
-    state, (phase, alarm, numbers) = run_monitor(group.monitor, state, y, arrived)
+    state, (phase, alarm, numbers) = run_monitor(group.monitor, state, (u, y), arrived, arrays.estimate.shape[-1])
     arrays.phase[:, group.positions] = phase
     arrays.alarm[:, group.positions] = alarm
-    for kind, target in enumerate((arrays.estimate, arrays.residual, arrays.threshold)):
-        target[:, group.positions] = numbers[:, kind].swapaxes(1, 2)
+    for found, target in zip(numbers, (arrays.estimate, arrays.residual, arrays.threshold), strict=True):
+        target[:, group.positions] = found.swapaxes(1, 2)
     return state

@@ -42,32 +42,32 @@ class StackedObserver:
         known = self.outputs + self.states
         return out[known:], Estimate(estimate=out[self.outputs : known], residual=out[: self.outputs])
 
-    def run(self, state: Vector, y: NDArray[np.float64]) -> tuple[NDArray[np.float64], Estimate]:
-        """Take many samples at once: the bits of `step`, one after the other, for an observer without known inputs.
+    def run(self, state: Vector, v: NDArray[np.float64]) -> tuple[NDArray[np.float64], Estimate]:
+        """Take many samples v = (u, y) at once: the bits of `step`, one after the other.
 
-        Only z_t+1 = A z_t + B y_t goes step by step, with the products B y_t made beforehand; the rest is made for all
+        Only z_t+1 = A z_t + B v_t goes step by step, with the products B v_t made beforehand; the rest is made for all
         steps at once. Every sum starts from 0.0 and runs over the columns in order, as in `matvec`.
 
         Args:
             state: z_0, q components.
-            y: Shape (steps, p, links).
+            v: Shape (steps, m + p, links).
 
         Returns:
             The state after them, and estimates (steps, n, links) and residuals (steps, p, links).
         """
         known, order = self.outputs + self.states, len(state)
-        z = np.empty((len(y) + 1, order, y.shape[2]))
+        z = np.empty((len(v) + 1, order, v.shape[2]))
         z[0] = state
         columns = np.ascontiguousarray(self.whole[known:].swapaxes(0, 1))  # of [A B]
-        driven = columns[order:] * y[:, :, None]  # (steps, p, q, links)
-        for k in range(len(y)):
+        driven = columns[order:] * v[:, :, None]  # (steps, m + p, q, links)
+        for k in range(len(v)):
             total = np.zeros_like(z[0])
             for product in columns[:order] * z[k][:, None]:
                 total += product
             for product in driven[k]:
                 total += product
             z[k + 1] = total
-        out = np.zeros((len(y), known, y.shape[2]))
-        for column, component in enumerate((*z[:-1].swapaxes(0, 1), *y.swapaxes(0, 1))):
+        out = np.zeros((len(v), known, v.shape[2]))
+        for column, component in enumerate((*z[:-1].swapaxes(0, 1), *v.swapaxes(0, 1))):
             out += self.whole[:known, column] * component[:, None]
         return z[-1], Estimate(estimate=out[:, self.outputs :], residual=out[:, : self.outputs])

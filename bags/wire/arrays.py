@@ -80,6 +80,7 @@ def columns(topics: RunTopics, arrays: Arrays, *, elsewhere: bool = True) -> Ite
             numbers = {name: place.source if end == "i" else place.target for name, end in row.numbers.items()}
             names = fields_of(row, topic.layout) if row.form is not None else ()
             wanted = [name for name in names if elsewhere or name not in row.elsewhere]
+            wanted = [name for name in wanted if topic.layout.dtype[name].itemsize]  # an empty vector says nothing
             if all(row.array(name) in arrays for name in wanted):
                 fields = {}
                 for name in wanted:

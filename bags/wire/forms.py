@@ -49,7 +49,7 @@ def _record(kind: Callable[..., Any], scalars: int, vectors: Sequence[str]) -> C
 
 def _sample(layout: Layout, _links: int) -> Callable[[Numbers], Sample]:
     end = 1 + width_of(layout, "y")
-    return lambda numbers: Sample(y=numbers[1:end], delivered=numbers[0])
+    return lambda numbers: Sample(y=numbers[1:end], delivered=numbers[0], u=numbers[end:])
 
 
 def _physical(layout: Layout, _links: int) -> Callable[[Numbers], Physical]:
@@ -86,7 +86,7 @@ def _flat_member(output: MemberOutput) -> Sequence[Any]:
 
 
 STATE = Form(_flat_state, _physical)
-OUTPUT = Form(lambda sample: (sample.delivered, *sample.y), _sample)
+OUTPUT = Form(lambda sample: (sample.delivered, *sample.y, *sample.u), _sample)
 OWN = Form(lambda own: (*own.y, own.reference), _own)
 VERDICT = Form(
     lambda said: (said.phase, said.alarm, *said.estimate, *said.residual, *said.threshold),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any, final
 from bags.mcap.cdr import Layout, layout_of
 from bags.mcap.errors import BagError
 from bags.mcap.topic import Topic, TopicKind
+from bags.mcap.typestore import Definitions
 from bags.wire import table
 from bags.wire.codecs import AlarmCodec, ClockCodec, StepCodec
 from bags.wire.documents import AttackEventCodec, DesignCodec, DiagnosticsCodec, HistoryCodec
@@ -61,6 +62,7 @@ class RunTopics:
         has_team: Whether the monitors estimate the whole grid together.
         parts: What the monitors tell besides their residuals; None: nothing.
         widths: Of the vectors.
+        definitions: Of types that the bag of the run lays out otherwise than we do.
         rows: The table.
     """
 
@@ -70,6 +72,7 @@ class RunTopics:
     has_team: bool = False
     parts: Parts | None = None
     widths: Widths = DGU_WIDTHS
+    definitions: Definitions = ()
     rows: tuple[Row[Any], ...] = field(default_factory=lambda: table.TABLE, repr=False)
 
     def has(self, need: Need) -> bool:
@@ -174,13 +177,14 @@ class RunTopics:
                 publishers=tuple(dict.fromkeys(at(row.publisher, other) for other in shared)),
                 kind=row.kind,
                 layout=self._layout(row, place),
+                definitions=self.definitions,
             )
         return self._topics[row.key, place]
 
     def _layout(self, row: Row[Any], place: Link) -> Layout | None:
         sequences = tuple((name, int(getattr(self.widths, width))) for name, width in row.sequences.items())
         try:
-            return layout_of(row.type_name, at(row.frame, place), sequences)
+            return layout_of(row.type_name, at(row.frame, place), sequences, self.definitions)
         except BagError:
             return None  # its messages vary in length
 
@@ -301,6 +305,7 @@ def run_topics(
     team: bool = False,
     parts: Parts | None = None,
     widths: Widths = DGU_WIDTHS,
+    definitions: Definitions = (),
 ) -> RunTopics:
     """The topics of a run; DGUs and links are put into canonical order."""
     return RunTopics(
@@ -310,6 +315,7 @@ def run_topics(
         has_team=team,
         parts=parts,
         widths=widths._replace(members=len(dgus)),
+        definitions=definitions,
     )
 
 

@@ -14,7 +14,7 @@ from bags.wire.documents import AttackEventCodec, DesignCodec, DiagnosticsCodec,
 from bags.wire.row import Need, Over, Row
 from bags.wire.stream import StreamCodec
 
-_SAMPLE = {"y": "outputs"}
+_SAMPLE = {"y": "outputs", "u": "inputs"}
 _JUDGED = {"estimate": "states", "residual": "outputs", "threshold": "outputs"}
 _LINK = {"source": "i", "monitor": "j"}
 _RECEIVED = "/dgu_{j}/received/dgu_{i}"
@@ -77,7 +77,7 @@ OWN = Row(
     readers=("monitor_{i}",),
     frame="dgu_{i}",
     numbers={"dgu": "i"},
-    sequences=_SAMPLE,
+    sequences={"y": "outputs"},
     elsewhere={"y": "output.y", "reference": "state.reference"},
     form=forms.OWN,
     need=Need.LOCAL,
