@@ -5,7 +5,7 @@
 """
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -32,6 +32,7 @@ from dgu_sim.grid import Link
 from dgu_sim.relay import RelayEvent
 
 WINDOW_STEPS = 2000
+_EVERY_RUN = {row.key for row in (table.CLOCK, table.TICK, table.STATE, table.OUTPUT, table.RECEIVED, table.RESIDUAL)}
 _STATE_TOPIC = re.compile(r"/dgu_(\d+)/state")
 _RECEIVED_TOPIC = re.compile(r"/dgu_(\d+)/received/dgu_(\d+)")
 
@@ -206,7 +207,7 @@ def _topics_of(container: Container) -> RunTopics:
         own, inputs = (kind in types.values() for kind in ("dcmg_msgs/msg/Own", "dcmg_msgs/msg/InputEstimate"))
         parts = Parts(local=own, inputs=inputs)
     definitions = differing(container.definitions.values())
-    topics = run_topics(dgus, links, 1, team=team, parts=parts, definitions=definitions)
+    topics = _recorded(run_topics(dgus, links, 1, team=team, parts=parts, definitions=definitions), types)
     monitored = any(topics.residual(link).topic.name in types for link in links)
     residuals = [topics.residual(link).topic for link in topics.links] if monitored else []
     for topic in topics.per_step if simulated else [*topics.heard, *residuals]:
@@ -217,6 +218,18 @@ def _topics_of(container: Container) -> RunTopics:
     return replace(
         topics, sampling_period_ns=_sampling_period_ns(container, topics), widths=widths_of(container, topics)
     )
+
+
+def _recorded(topics: RunTopics, names: Collection[str]) -> RunTopics:
+    """The topics without the rows that a run need not have and of which a bag has none: it may be older than they."""
+    rows = [
+        row
+        for row in topics.rows
+        if row.kind is not TopicKind.PER_STEP
+        or row.key in _EVERY_RUN
+        or any(topics.topic(row, place).name in names for place in topics.places(row.over))
+    ]
+    return replace(topics, rows=tuple(rows))
 
 
 def _sampling_period_ns(container: Container, topics: RunTopics) -> int:

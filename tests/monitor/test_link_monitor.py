@@ -134,13 +134,6 @@ def test_floats_and_arrays_have_the_same_bits(dgu_history: Callable[..., History
                 assert single.alarm == np.broadcast_to(output.alarm, (2, 3))[run, link]
 
 
-def test_observer_of_known_inputs_does_not_fit_a_link(monitor: LinkMonitor) -> None:
-    """A link carries outputs only."""
-    assert isinstance(monitor.observer, LinearObserver)
-    with pytest.raises(MonitorError, match="needs 1 known inputs, a link carries none"):
-        LinkMonitor(replace(monitor.observer, inputs=1), DETECTOR)
-
-
 def test_channels_must_fit(monitor: LinkMonitor) -> None:
     """Two channels cannot feed three outputs."""
     with pytest.raises(MonitorError, match="2 channels for an observer of 3 outputs"):
