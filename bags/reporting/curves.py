@@ -20,14 +20,14 @@ class Curves:
     """What is drawn over time.
 
     Attributes:
-        x: True states, (dgus, 3) [V, A, V s].
+        x: True states, (dgus, n) [V, A, V s].
         alpha: Secondary corrections, (dgus,) [V].
-        residual: |r|, (links, 3) [V, A, V s].
-        threshold: (links, 3) [V, A, V s].
+        residual: |r|, (links, p) [V, A, V s].
+        threshold: (links, p) [V, A, V s].
         score: Largest |r_i| / threshold_i, (links,).
         impact: <V> - <V_ref> [V], max |dV_i| [V], sharing spread, (3,).
         own: Largest |r_i| / threshold_i of the own state of each monitor, (monitors,); NaN without such tests.
-        inputs: Reconstructed inputs, least and largest plausible ones, (links, 3, 2) [A, V]; likewise.
+        inputs: Reconstructed inputs, least and largest plausible ones, (links, 3, applied) [A, V]; likewise.
     """
 
     x: Envelope
@@ -43,20 +43,21 @@ class Curves:
     def empty(cls, run: RunRecord, steps: int) -> "Curves":
         """Before the first window of a run."""
         dgus, links, monitors = len(run.topics.dgus), len(run.links), len(run.topics.monitors)
-        length = stretch_length(steps, 4 * dgus + 7 * links)
+        n, p, applied = run.topics.widths.states, run.topics.widths.outputs, run.topics.widths.applied
+        length = stretch_length(steps, (n + 1) * dgus + (2 * p + 1) * links)
 
         def curve(*shape: int) -> Envelope:
             return Envelope.empty(steps, length, *shape)
 
         return cls(
-            x=curve(dgus, 3),
+            x=curve(dgus, n),
             alpha=curve(dgus),
-            residual=curve(links, 3),
-            threshold=curve(links, 3),
+            residual=curve(links, p),
+            threshold=curve(links, p),
             score=curve(links),
             impact=curve(3),
             own=curve(monitors),
-            inputs=curve(links, 3, 2),
+            inputs=curve(links, 3, applied),
         )
 
     def add(self, window: RunRecord, ratio: NDArray[np.float64], impact: NDArray[np.float64]) -> None:

@@ -155,6 +155,8 @@ def _residuals(timeline: Timeline, assessment: Assessment, time: Range1d) -> lis
     limits = _range(residual.high[:, shown], threshold.high[:, shown])
     value = Range1d(start=limits[0], end=limits[1])
     times = residual.starts(timeline.period_sec)
+    outputs = residual.high.shape[-1]
+    labels = COMPONENTS if outputs == len(COMPONENTS) else [f"output {part + 1}" for part in range(outputs)]
     plots = []
     for position in shown:
         windows = _windows(timeline, position)
@@ -166,9 +168,9 @@ def _residuals(timeline: Timeline, assessment: Assessment, time: Range1d) -> lis
         design = timeline.run.designs.get(timeline.run.links[position])
         if design is not None and not design.accepted:
             plot.title.text, plot.title.text_color = f"{name}   not monitored", MUTED
-        for part, label in enumerate(COMPONENTS):
+        for part, label in enumerate(labels):
             line = np.maximum(residual.high[:, position, part], _FLOOR)
-            _line(plot, times, line, label, color=COLOURS[part])
+            _line(plot, times, line, label, color=COLOURS[part % len(COLOURS)])
         for colour, line in _thresholds(threshold.high[:, position]):
             _line(plot, times, line, "threshold", color=colour, line_dash="dashed")
         for episode in assessment.judged.links[position].episodes:

@@ -108,7 +108,7 @@ class _Gatherer:
 
     def __init__(self, first: RunRecord, steps: int, options: ReportOptions) -> None:
         period_sec = first.sampling_period_sec
-        self.steps, links, dgus = steps, len(first.links), len(first.topics.dgus)
+        self.steps, links, dgus, n = steps, len(first.links), len(first.topics.dgus), first.topics.widths.states
         self.block_steps = options.block_steps(steps, period_sec)
         self.settle_steps = round(options.aftermath_sec / period_sec)
         self.truth = False
@@ -123,8 +123,8 @@ class _Gatherer:
         self.alarms: dict[str, NDArray[np.bool_]] = {}
         self.left_out = np.zeros(links, dtype=np.int64)
         self.impact = np.full((steps, 3), np.nan)
-        self.errors = np.zeros((stretches_of(steps, self.block_steps), 2, links, 3, 3))  # clear/attacked; n, |e|, e^2
-        self.before = np.full((int(self.lags.max(initial=0)), dgus, 3), np.nan)  # states of the last window's end
+        self.errors = np.zeros((stretches_of(steps, self.block_steps), 2, links, 3, n))  # clear/attacked; n, |e|, e^2
+        self.before = np.full((int(self.lags.max(initial=0)), dgus, n), np.nan)  # states of the last window's end
         self.curves = Curves.empty(first, steps)
         self.team = TeamGatherer(first, steps, self.curves.score.length)
 

@@ -8,12 +8,14 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import final
 
+from bags.mcap.container import open_container
 from bags.mcap.errors import BagError
 from bags.mcap.topic import Topic, TopicKind
 from bags.mcap.writer import BagWriter
 from bags.runs.conclusions import concluded_events, concluded_rows, designed, diagnosed
 from bags.runs.playback import Moment, Selection, open_playback
 from bags.runs.run_record import RunRecord
+from bags.wire.arrays import columns
 from bags.wire.schema import SECOND_PUBLISHER, RunTopics
 from monitor.stream_guard import Faults, StreamFault
 
@@ -82,9 +84,12 @@ class _Writing:
         for name, data in moment.messages:
             found.setdefault(name, []).append(data)
         for topic in self.topics.all:
-            if topic.kind is TopicKind.LATCHED and found.get(topic.name):
-                for data in [self.latched[topic.name]] if topic.name in self.latched else found[topic.name]:
-                    self.writer.write(topic.name, moment.time_ns, data)
+            if topic.kind is not TopicKind.LATCHED:
+                continue
+            recorded = found.get(topic.name, [])
+            anew = topic.name in self.latched and (recorded or not (self.whole or moment.time_ns))
+            for data in [self.latched[topic.name]] if anew else recorded:
+                self.writer.write(topic.name, moment.time_ns, data)
         for topic in self.topics.per_step:
             data = said.get(topic.name) or next(iter(found.get(topic.name, ())), b"")
             if data:
@@ -115,9 +120,13 @@ _TOLD_AGAIN = ("dcmg_msgs/msg/Alarm", "diagnostic_msgs/msg/DiagnosticArray")
 
 def _open(path: Path, window: RunRecord, histories: Mapping[str, Sequence[bytes]]) -> _Writing:
     playback = open_playback(window.path, Selection(replaced=histories))
+    whole = bool(window.scenario_text)
+    there = set(open_container(window.path).topics) | {
+        one.topic.name for one in columns(window.topics, window.arrays) if one.row.publisher.startswith("monitor_")
+    }
     writer = BagWriter(
         path,
-        window.topics.all,
+        [one for one in window.topics.all if whole or one.kind is not TopicKind.PER_STEP or one.name in there],
         chunk_bytes=_CHUNK_BYTES,
         max_chunk_age_sec=None,
         custom_data={_REPLAY_OF: str(window.path)},
@@ -129,7 +138,7 @@ def _open(path: Path, window: RunRecord, histories: Mapping[str, Sequence[bytes]
         topics=window.topics,
         latched=designed(window),
         moments=playback.moments(),
-        whole=bool(window.scenario_text),
+        whole=whole,
     )
 
 
