@@ -98,7 +98,7 @@ class Bag:
             BagError: No such topic, its messages vary in length (see `messages`), or the bag is damaged.
         """
         type_name = self._topic(topic).type_name
-        if not is_standard(self._container.definitions[topic]):
+        if type_name not in _CONSTANT and not is_standard(self._container.definitions[topic]):
             raise BagError(f"{self.path}: {topic} holds {type_name} by a definition of its own, see bags.sources")
         layout: Layout | None = None
         older = differing(self._container.definitions.values())

@@ -34,6 +34,12 @@ def _number(primitive: str) -> st.SearchStrategy[Any]:
     return st.integers(*_INTEGERS[primitive])
 
 
+def _lengths(type_name: str) -> tuple[tuple[str, int], ...]:
+    """Elements of each sequence of a type: none, one, two, ... in turn."""
+    fields = typestore().fielddefs[type_name][1]
+    return tuple((name, number) for number, (name, (kind, _)) in enumerate(fields) if kind == Nodetype.SEQUENCE)
+
+
 @st.composite
 def _message(draw: st.DrawFn, type_name: str, frame: str) -> tuple[object, list[object]]:
     """A rosbags message and its numbers in order."""
@@ -51,6 +57,7 @@ def _message(draw: st.DrawFn, type_name: str, frame: str) -> tuple[object, list[
             flat.append(fields[name])
         else:
             (_, (primitive, _)), count = description
+            count = dict(_lengths(type_name)).get(name, count)
             numbers = draw(st.lists(_number(primitive), min_size=count, max_size=count))
             fields[name] = np.array(numbers)
             flat += numbers
@@ -78,7 +85,7 @@ def test_sequences_of_constant_length_are_those_of_rosbags() -> None:
 def test_bytes_equal_those_of_rosbags(type_name: str, data: st.DataObject, frame: str) -> None:
     """Packed bytes are those of rosbags (and so of Fast CDR) for all values, and unpack gives the values back."""
     message, flat = data.draw(_message(type_name, frame))
-    layout = layout_of(type_name, frame)
+    layout = layout_of(type_name, frame, _lengths(type_name))
     packed = layout.pack(*flat)
     assert packed == bytes(typestore().serialize_cdr(message, type_name, little_endian=True))
     assert layout.size == len(packed) == layout.dtype.itemsize
@@ -91,7 +98,7 @@ def test_bytes_equal_those_of_rosbags(type_name: str, data: st.DataObject, frame
 def test_numpy_sees_the_same_fields(type_name: str, data: st.DataObject, frame: str) -> None:
     """The dtype finds in the bytes what was packed, and a filled template has the bytes of pack."""
     _, flat = data.draw(_message(type_name, frame))
-    layout = layout_of(type_name, frame)
+    layout = layout_of(type_name, frame, _lengths(type_name))
     seen = np.frombuffer(layout.pack(*flat), dtype=layout.dtype)
     assert np.concatenate([np.atleast_1d(seen[0][name]).astype(object) for name in layout.names]).tolist() == flat
     block = layout.template(2)
@@ -102,9 +109,9 @@ def test_numpy_sees_the_same_fields(type_name: str, data: st.DataObject, frame: 
 
 def test_names_are_dotted() -> None:
     """Nested fields carry their path, arrays count once, the string is not among the packed fields."""
-    layout = layout_of("dcmg_msgs/msg/Output", "dgu_1")
-    assert layout.names == ("header.stamp.sec", "header.stamp.nanosec", "step", "source", "delivered", "y")
-    assert layout.dtype["y"].shape == (3,)
+    layout = layout_of("dcmg_msgs/msg/Output", "dgu_1", (("y", 3), ("u", 0)))
+    assert layout.names == ("header.stamp.sec", "header.stamp.nanosec", "step", "source", "delivered", "y", "u")
+    assert (layout.dtype["y"].shape, layout.dtype["u"].shape) == ((3,), (0,))
     assert layout.template(1)["header.frame_id"][0] == b"dgu_1"
 
 
