@@ -1,15 +1,18 @@
 """Spoofed links in bags: both messages, what was taken, what the guards say."""
 
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from mcap.reader import make_reader
+from numpy.typing import NDArray
 
 from bags.mcap.bag import open_bag
+from bags.mcap.cdr import Layout
 from bags.mcap.writer import BagWriter
 from bags.runs.offline import simulate_to_bag
-from bags.runs.reader import read_run
+from bags.runs.reader import open_run, read_run
 from bags.runs.replay import replay
 from bags.runs.run_record import RunRecord
 from dgu_sim.grid import Link
@@ -103,3 +106,19 @@ def test_what_an_outsider_published_is_kept_and_never_taken(record: RunRecord, b
     again = read_run(tmp_path / "bag")
     assert [(one.step, one.y) for one in again.seconds] == [(10, (1.0, 2.0, 3.0))]
     np.testing.assert_array_equal(again.received, record.received)
+
+
+def test_second_messages_are_decoded_once(spoofed: RunRecord, monkeypatch: pytest.MonkeyPatch) -> None:
+    """However many windows a run is read in, the messages of second publishers are gone through once."""
+    read, decoded = Layout.read, []
+
+    def counted(layout: Layout, payloads: Iterable[bytes]) -> NDArray[np.void]:
+        decoded.append(layout)
+        return read(layout, payloads)
+
+    monkeypatch.setattr(Layout, "read", counted)
+    windows = list(open_run(spoofed.path).windows(7))
+    assert len(windows) > 30
+    assert len(decoded) == 1
+    assert tuple(one for window in windows for one in window.seconds) == spoofed.seconds
+    np.testing.assert_array_equal(np.concatenate([one.received for one in windows]), spoofed.received)
