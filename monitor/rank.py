@@ -29,7 +29,7 @@ _SPARE_NOISY = 4  # the same where noise has to be told from signal
 _EXACT_GAP = 1e2  # exact data leave many decades between what is excited and what is rounding
 _KNOWN_GAP = 3.0  # below it the directions of the known unknown inputs are mixed with noise
 _SEARCHED_GAP = 100.0  # a gap that has to be found, not only confirmed: random plants show tenfold gaps by chance
-_ABOVE_NOISE = 2.0  # noise alone moves every direction of the states by 1 +- sqrt(n / N)
+_ABOVE_NOISE = 1.2  # noise alone moves every direction of the states by 1 +- sqrt(n / N)
 _NOISE_SPREAD = 1.5  # singular values of pure noise spread by sqrt(n / N) about 1, wider for noise at two instants
 _OVERSTATED = 0.2  # noise values below this share of the stated level contradict it
 
@@ -109,6 +109,8 @@ def decide_rank(data: DataMatrices, options: RankOptions, direct: NDArray[np.flo
     elif len(values) > n:
         verdict = _direct(values)
     elif options.unknown_inputs is not None:
+        noisy = singular_values(projection.rest * spread)  # noise is presumed equal in the units at hand
+        values = noisy * (values[0] / noisy[0])
         verdict = _known(values, options.unknown_inputs)
     elif options.noise_std is not None:
         noise_std = np.broadcast_to(np.asarray(options.noise_std, dtype=float), (n,)) / spread[:, 0]
@@ -117,8 +119,11 @@ def decide_rank(data: DataMatrices, options: RankOptions, direct: NDArray[np.flo
         verdict = _gap(values, projection.rounding * digits / float(np.finfo(float).eps))
     unknown_inputs, basis, confidence, reason = verdict
     if unknown_inputs is not None and basis in {RankBasis.KNOWN, RankBasis.NOISE_LEVEL}:
-        told = None if options.noise_std is None else np.broadcast_to(options.noise_std, (n,)) / spread[:, 0]
-        buried = _buried(data, told, float(values[unknown_inputs]) if unknown_inputs < n else 0.0)
+        if options.noise_std is None:
+            level = _implied(data, projection.rest, unknown_inputs, spread)
+        else:
+            level = np.broadcast_to(np.asarray(options.noise_std, dtype=float), (n,)) / spread[:, 0]
+        buried = _buried(data, level)
         unknown_inputs, reason = (None, buried) if buried else (unknown_inputs, reason)
     spare = data.columns - len(projection.excitation) - (unknown_inputs or 0)
     if unknown_inputs is not None and spare < (needed := _SPARE if basis is RankBasis.EXACT else _SPARE_NOISY):
@@ -187,15 +192,25 @@ def singular_values(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.pad(values, (0, len(rows) - len(values)))
 
 
-def _buried(data: DataMatrices, noise_std: NDArray[np.float64] | None, floor: float) -> str:
-    """Why some direction of the states is not seen moving above the noise; empty when all are.
+def _implied(
+    data: DataMatrices, innovations: NDArray[np.float64], unknown_inputs: int, spread: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(n,) noise, equal in the units at hand, that explains q' (w_t+1 - A w_t), q a direction of mere noise.
 
-    Args:
-        data: states in shares of their spread.
-        noise_std: (n,) in the same shares, if known.
-        floor: innovations that are noise, which stand for it otherwise.
+    Data, innovations and answer are in shares of the spread (n, 1).
     """
-    level = np.full(len(data.X_p), floor) if noise_std is None else noise_std
+    n = len(data.X_p)
+    if unknown_inputs >= n:
+        return np.zeros(n)
+    left, values, _ = np.linalg.svd(innovations * spread, full_matrices=False)
+    A = np.linalg.lstsq(np.vstack([data.X_p, data.U_p, data.U_f]).T, data.X_f.T, rcond=None)[0].T[:, :n]
+    direction = left[:, unknown_inputs]
+    amplified = np.sqrt(1.0 + float(np.sum((direction @ (spread * A / spread[:, 0])) ** 2)))
+    return np.asarray(float(values[unknown_inputs]) / np.sqrt(data.columns) / amplified / spread[:, 0])
+
+
+def _buried(data: DataMatrices, level: NDArray[np.float64]) -> str:
+    """Why some direction of the states is not seen moving above noise of this level (n,); empty when all are."""
     if not np.all(level > 0.0):
         return ""
     inputs = np.linalg.qr(np.vstack([data.U_p, data.U_f]).T)[0]

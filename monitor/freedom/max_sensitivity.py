@@ -59,7 +59,8 @@ def max_sensitivity(problem: Problem, options: FreedomOptions) -> NDArray[np.flo
         budget = _minimum_norm_noise(problem)
     if budget is None:
         return Refusal("max_sensitivity: minimum_norm is not stable and sets no noise budget; give noise_budget")
-    theta = _solve(gains, noise, visible, budget)
+    solve = _along_one if visible.shape[1] == 1 else _solve
+    theta = solve(gains, noise, visible, budget)
     if theta is None:
         return Refusal(f"max_sensitivity: no choice of Q sees every visible bias within the noise budget {budget:.3g}")
     return base + np.tensordot(theta, directions, axes=1)
@@ -123,6 +124,28 @@ def _minimum_norm_noise(problem: Problem) -> float | None:
     if np.max(np.abs(np.linalg.eigvals(observer.A)), initial=0.0) >= 1.0:
         return None
     return float(np.linalg.norm(_noise_factor(observer, _root_gramian(observer))))
+
+
+def _along_one(
+    gains: _Affine, noise: _Affine, visible: NDArray[np.float64], budget: float
+) -> NDArray[np.float64] | None:
+    """One visible direction: a linear gain on the ball |F| <= budget, in closed form; None when t > 0 is out of reach.
+
+    With F = f0 + F1 theta = f_rest + U s, f_rest orthogonal to U, the gain is largest for s along its gradient.
+    """
+    base, *steps = (float(visible[:, 0] @ gain @ visible[:, 0]) for gain in (gains.base, *gains.steps))
+    f0, F1 = noise.base.ravel(), noise.steps.reshape(len(noise.steps), -1).T
+    left, values, right = np.linalg.svd(F1, full_matrices=False)
+    kept = values > _VISIBLE * values[0]
+    left, values, right = left[:, kept], values[kept], right[kept]
+    centre = left.T @ f0
+    room = budget**2 - float(np.linalg.norm(f0 - left @ centre)) ** 2
+    gradient = (right @ np.array(steps)) / values
+    size = float(np.linalg.norm(gradient))
+    if room < 0.0 or not size > 0.0:
+        return None
+    theta = right.T @ ((np.sqrt(room) * gradient / size - centre) / values)
+    return theta if base + float(np.array(steps) @ theta) > 0.0 else None
 
 
 def _solve(gains: _Affine, noise: _Affine, visible: NDArray[np.float64], budget: float) -> NDArray[np.float64] | None:

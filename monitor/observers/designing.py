@@ -108,7 +108,7 @@ def design_uio(history: History, options: DesignOptions, shape: Shape) -> Design
         into = units.spread.relative_to(units.norm)
         comparable = data.in_units(into.u, into.y, into.x)
         output = identify_output_map(comparable)
-        decision = decide_rank(data, _rank_options(options, units), output.rest(comparable))
+        decision = decide_rank(comparable, _rank_options(options, units), output.rest(comparable))
         draft = replace(draft, data=report_data(history, data, decision, output))
         if decision.unknown_inputs is None:
             return _refuse(draft, decision.reason)
@@ -269,7 +269,7 @@ def _check_lengths(history: History, options: DesignOptions) -> None:
 
 
 def _rank_options(options: DesignOptions, units: _Units) -> RankOptions:
-    noise_std = None if options.noise_std is None else tuple(units.spread.noise(options.noise_std).tolist())
+    noise_std = None if options.noise_std is None else tuple(units.norm.noise(options.noise_std).tolist())
     return RankOptions(
         unknown_inputs=options.unknown_inputs, noise_std=noise_std, relative_tolerance=options.relative_tolerance
     )

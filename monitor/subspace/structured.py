@@ -15,7 +15,8 @@ if TYPE_CHECKING:
 
     from monitor.history import DataMatrices
 
-_TOLERANCE = 1e-10  # of the Gauss-Newton iteration, relative
+_TOLERANCE = 1e-15  # of the Gauss-Newton iteration, relative
+_MOST = 60  # free numbers: the search for more takes minutes, and the total-least-squares start is taken
 
 
 def structured(
@@ -47,7 +48,11 @@ def structured(
         P = parity(K)
         return _whiten(P @ rows, P[:, :n], P[:, n : 2 * n], joined)
 
-    fitted = least_squares(whitened, np.zeros(len(P0) * len(around)), xtol=_TOLERANCE, ftol=_TOLERANCE)
+    free = len(P0) * len(around)
+    if free > _MOST:
+        return start
+    # central differences to the end: where the search stops must not depend on the processor's rounding
+    fitted = least_squares(whitened, np.zeros(free), jac="3-point", xtol=_TOLERANCE, ftol=_TOLERANCE, gtol=_TOLERANCE)
     P = parity(fitted.x) * scale
     return _trajectories_of(P, data)
 
