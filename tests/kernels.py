@@ -21,7 +21,12 @@ CORES = (
     ("Nehalem", {"sse4_2"}),
 )
 HOW_MANY = 2
-TESTS = ("tests/monitor", "tests/papers", "tests/bags/test_golden.py", "tests/fuzz")
+TESTS = (
+    "tests/monitor",
+    *(f"tests/papers/test_{name}.py" for name in ("turan_2021", "ruio_example", "delayed", "input_reconstruction")),
+    "tests/bags/test_golden.py",
+    "tests/fuzz",
+)
 _ASK = (
     "import json, numpy, scipy.linalg, threadpoolctl; "
     "print(json.dumps([one['architecture'] for one in threadpoolctl.threadpool_info() if one['user_api'] == 'blas']))"

@@ -80,7 +80,10 @@ def refusal(truth: Truth, verdict: str) -> tuple[Outcome, str]:
 def allowed(truth: Truth, *, exact: bool, stated: float | None) -> float:
     """How far off an accepted observer may be on data like those of the record, relative to the largest signal."""
     most = _GROSS if exact else _NOISY
-    return min(max(_EXACT, _DOUBTED * truth.doubt) if stated is None else max(_STATED * stated, _ROUNDED), most)
+    if stated is None:
+        return min(max(_EXACT, _DOUBTED * truth.doubt), most)
+    told = min(10.0 * truth.doubt, _EXACT)  # what a design calls exact, where the record leaves that much open
+    return min(max(_STATED * stated, told, _ROUNDED), most)
 
 
 def acceptance(

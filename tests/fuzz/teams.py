@@ -48,7 +48,7 @@ def try_distributed(kind: str, seed: int) -> Result:
             outcome = Outcome.STRATEGY
     else:
         reached = float(made.report.stability or 0.0)
-        off = max(violation(grid, i, one, log.units) for i, one in enumerate(made.gains))
+        off = max(violation(grid, i, one, log.units, discrete=discrete) for i, one in enumerate(made.gains))
         limit = min(max(_EXACT, 1e3 * truth.doubt), _GROSS if log.quality == "exact" else _NOISY)
         outcome = Outcome.DISPUTED if truth.answer is Answer.NO else Outcome.RIGHT
         if off > limit or reached >= (1.0 if discrete else 0.0):
@@ -116,7 +116,7 @@ def try_team(kind: str, seed: int) -> Result:
         outcome = Outcome.OPEN if outcome is Outcome.UNSAID else outcome
         return Result(kind=kind, seed=seed, outcome=outcome, detail=f"{words}: {detail}")
     gains = [member.observer.gains for member in made.members if member.observer is not None]
-    off = max(violation(grid, at, one, units) for at, one in enumerate(gains))
+    off = max(violation(grid, at, one, units, discrete=True) for at, one in enumerate(gains))
     radius = float(np.max(np.abs(np.linalg.eigvals(error_dynamics(gains, plan.network)))))
     outcome = Outcome.DISPUTED if truth.answer is Answer.NO else Outcome.RIGHT
     if radius >= 1.0 or off > _EXACT:
