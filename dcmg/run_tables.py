@@ -51,12 +51,14 @@ def show_run(
         return
     console = Console()
     seed = "" if document["seed"] is None else f", seed {document['seed']}"
-    console.print(f"{document['scenario'] or bag.name}: {steps} steps{seed}", highlight=False, soft_wrap=True)
+    console.print(
+        f"{document['scenario'] or bag.name}: {steps} steps{seed}", highlight=False, markup=False, soft_wrap=True
+    )
     for table in tables(timeline, judged):
         console.print(table)
-    console.print(f"bag:   {bag}", highlight=False, soft_wrap=True)
+    console.print(f"bag:   {bag}", highlight=False, markup=False, soft_wrap=True)
     for path in drawn:
-        console.print(f"plot:  {path}", highlight=False, soft_wrap=True)
+        console.print(f"plot:  {path}", highlight=False, markup=False, soft_wrap=True)
 
 
 def tables(timeline: Timeline, judged: Judged) -> list[Table]:
@@ -96,7 +98,7 @@ def attack_line(row: AttackRow, duration_sec: float) -> str:
 
 
 def _attacks(rows: Sequence[AttackRow], timeline: Timeline) -> Table:
-    table = Table("attack", "on link", "from [s]", "to [s]", "seen", "accused")
+    table = Table("attack", "on link", r"from \[s]", r"to \[s]", "seen", "accused")
     for column in table.columns:
         column.overflow = "fold"  # a name that is cut short says nothing
     for row in rows:
@@ -125,7 +127,7 @@ def _links(rows: Sequence[LinkRow], timeline: Timeline) -> Table:
 
 def _team(team: TeamSummary) -> Table:
     table = Table(title=f"team: {team.verdict}", title_justify="left")
-    for heading in ("member", "there for [s]", "last error V", "I_t", "v", "accused by", "from [s]"):
+    for heading in ("member", r"there for \[s]", "last error V", "I_t", "v", "accused by", r"from \[s]"):
         table.add_column(heading, justify="right")
     for one in team.members:
         errors = ("", "", "") if one.last_error is None else (f"{value:.1e}" for value in one.last_error)

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import numpy as np
 import typer
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from bags.runs.avoided import compare_response
@@ -85,7 +86,7 @@ def _largest(impact: GridImpact, name: str, first: int) -> float:
 def _accused_table(document: dict[str, Any]) -> Table:
     start = document["attack_start_sec"]
     title = "no attack" if start is None else f"attack from {start:g} s on"
-    table = Table("link", "first accused [s]", "by", title=f"{document['scenario']}: {title}")
+    table = Table("link", r"first accused \[s]", "by", title=escape(f"{document['scenario']}: {title}"))
     for one in document["accused"]:
         table.add_row(one["link"], f"{one['sec']:.2f}", ", ".join(one["by"]))
     return table

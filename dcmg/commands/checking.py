@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from rich.markup import escape
+
 from bags.watch.carried import read_carried
 from bags.watch.designs import design_scenario, said_of
 from dcmg.commands.showing import messages
@@ -38,9 +40,11 @@ def check_monitors(scenario: Scenario, chosen: ScenarioOptions, designs: Path | 
     for name, verdict in found.refusals:
         reasons.setdefault(verdict, []).append(name)
     for verdict, names in reasons.items():
-        messages.print(f"[yellow]not watched[/]: {', '.join(names)}: {verdict}", soft_wrap=True)
+        messages.print(f"[yellow]not watched[/]: {', '.join(names)}: {escape(verdict)}", soft_wrap=True)
     if carried is not None:
         anew = carried.anew(found.told())
         if anew:
-            messages.print(f"[yellow]designed anew[/], {designs} does not fit: {', '.join(anew)}", soft_wrap=True)
+            messages.print(
+                f"[yellow]designed anew[/], {escape(str(designs))} does not fit: {', '.join(anew)}", soft_wrap=True
+            )
     return found

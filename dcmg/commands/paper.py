@@ -148,7 +148,7 @@ def _print(title: str, checks: Sequence[Check], notes: Sequence[str], files: Seq
     for line in notes:
         console.print(line, highlight=False, markup=False, soft_wrap=True)
     for path in files:
-        console.print(str(path), highlight=False, soft_wrap=True)
+        console.print(str(path), highlight=False, markup=False, soft_wrap=True)
 
 
 for _name, _experiment in EXPERIMENTS.items():

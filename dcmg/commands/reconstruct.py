@@ -67,7 +67,7 @@ def reconstruct(
         return
     _print(found)
     if picture is not None:
-        Console().print(f"plot: {picture}", highlight=False, soft_wrap=True)
+        Console().print(f"plot: {picture}", highlight=False, markup=False, soft_wrap=True)
 
 
 def _noise(text: str | None) -> tuple[float, float, float] | None:
@@ -84,13 +84,13 @@ def _noise(text: str | None) -> tuple[float, float, float] | None:
 
 def _print(found: Reconstruction) -> None:
     console = Console()
-    console.print(f"{found.estimator}: {found.verdict}", highlight=False, soft_wrap=True)
+    console.print(f"{found.estimator}: {found.verdict}", highlight=False, markup=False, soft_wrap=True)
     errors = found.input_error()
     for name, unit, width, error in zip(INPUTS, INPUT_UNITS, found.input_uncertainty, errors, strict=False):
         line = f"{name}: ± {_number(width)} {unit} (2 sigma and bound); rms error of calm steps {_number(error)} {unit}"
-        console.print(line, highlight=False, soft_wrap=True)
+        console.print(line, highlight=False, markup=False, soft_wrap=True)
     if found.spans.attack[0] == found.spans.attack[1]:
-        console.print(f"attack: not measured: {found.vector_reason}", highlight=False, soft_wrap=True)
+        console.print(f"attack: not measured: {found.vector_reason}", highlight=False, markup=False, soft_wrap=True)
         return
     start, stop = (found.time_sec[min(step, len(found.time_sec) - 1)] for step in found.spans.attack)
     table = Table(
@@ -110,9 +110,11 @@ def _print(found: Reconstruction) -> None:
     console.print(table)
     for one in found.hypotheses:
         if not isfinite(one.magnitude):
-            console.print(f"{OUTPUTS[found.channels[one.channel]]}: {one.verdict}", highlight=False, soft_wrap=True)
+            console.print(
+                f"{OUTPUTS[found.channels[one.channel]]}: {one.verdict}", highlight=False, markup=False, soft_wrap=True
+            )
     if found.vector is None:
-        console.print(f"all outputs together: {found.vector_reason}", highlight=False, soft_wrap=True)
+        console.print(f"all outputs together: {found.vector_reason}", highlight=False, markup=False, soft_wrap=True)
 
 
 def _number(value: float) -> str:

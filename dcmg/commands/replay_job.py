@@ -61,7 +61,7 @@ def evaluate(bag: Path, changes: MonitorChanges, *, out: Path | None, json: bool
     show_run(windows, run.steps, shown_bag, what="replaying", pictures=pictures, json=json)
     for name, apart in recorded[0].compared(recorded[1].records).items() if len(recorded) > 1 else ():
         if apart or changes.redesign:
-            messages.print(f"designed anew: {name}: {_words(apart)}", highlight=False, soft_wrap=True)
+            messages.print(f"designed anew: {name}: {_words(apart)}", highlight=False, markup=False, soft_wrap=True)
     return 0
 
 

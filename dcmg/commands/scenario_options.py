@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.markup import escape
 
 from dcmg.errors import CommandError
 
@@ -104,7 +105,7 @@ class ScenarioOptions:
         for one in concerns(scenario):
             if one.implausible and not self.anyway:
                 raise CommandError(f"{self.name}: {one.text}; --anyway takes it")
-            messages.print(f"[yellow]note[/]: {one.text}", soft_wrap=True, highlight=False)
+            messages.print(f"[yellow]note[/]: {escape(one.text)}", soft_wrap=True, highlight=False)
         return scenario
 
     def check_size(self, scenario: LoadedScenario, folder: Path) -> None:

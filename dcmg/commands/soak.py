@@ -51,7 +51,7 @@ def soak(
 
 
 def _print(report: SoakReport) -> None:
-    table = Table("stage", "wall time [s]", "peak memory [MB]", "")
+    table = Table("stage", r"wall time \[s]", "peak memory [MB]", "")
     for stage in report.stages:
         peaks = ", ".join(f"{name}: {peak:.0f}" for name, peak in sorted(stage.peak_mb.items()))
         table.add_row(stage.name, f"{stage.wall_sec:.1f}", peaks, stage.detail)

@@ -179,6 +179,17 @@ def test_an_odd_input_ends_in_one_line_that_names_it(dcmg: Dcmg, tmp_path: Path,
     assert [path.name for path in tmp_path.rglob("*")] == ["file.csv"]
 
 
+def test_brackets_in_names_are_names(dcmg: Dcmg, tmp_path: Path) -> None:
+    """What looks like markup in a name or a path is printed as it is, and so are the units of the table."""
+    words = ["simulate", SIX, "--duration", "6", "--no-plots", "--set", "name='[red]six[/]'", "--out", "[bold]out"]
+    code, out, err = dcmg(*words)
+    assert code == 0, err
+    assert "[red]six[/]" in out
+    assert "[bold]out/bag" in out
+    assert "[s]" in out
+    assert (tmp_path / "[bold]out/bag").is_dir()
+
+
 DCMG = Path(sys.executable).with_name("dcmg")
 
 

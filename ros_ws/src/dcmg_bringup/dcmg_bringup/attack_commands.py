@@ -78,7 +78,7 @@ def list_(*, domain: Domain = None, json: Json = False) -> None:
     if json:
         typer.echo(json_module.dumps(attacks))
         return
-    table = Table("attack", "link", "kind", "parameters", "from step", "until [s]", "state", "origin")
+    table = Table("attack", "link", "kind", "parameters", "from step", r"until \[s]", "state", "origin")
     for attack in attacks:
         until = "stopped by hand" if attack["stop_sec"] is None else f"{attack['stop_sec']:g}"
         state = "active" if attack["active"] else "scheduled"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Annotated
 
 import typer
+from rich.markup import escape
 
 from bags.mcap.recording import ChunkPreset, WhenFull
 from dcmg.commands import recording_options as recorded
@@ -128,17 +129,25 @@ def _ended(outcome: RunOutcome, scenario: Scenario, out: Path, recording: Record
     from dcmg.commands.showing import is_partial, messages, show  # noqa: PLC0415 (takes its time)
 
     if outcome.lost:
-        messages.print(f"[red]{outcome.lost} message(s) were published and not recorded[/]: see {out / 'log'}")
+        messages.print(
+            f"[red]{outcome.lost} message(s) were published and not recorded[/]: see {escape(str(out / 'log'))}"
+        )
     if outcome.deadline_misses:
         messages.print(f"{outcome.deadline_misses} step(s) were released more than one sampling period late")
     if outcome.failure is not None:
         messages.print(
-            f"dcmg: {outcome.failure}; the bag holds what came before: {outcome.bag}", highlight=False, soft_wrap=True
+            f"dcmg: {outcome.failure}; the bag holds what came before: {outcome.bag}",
+            highlight=False,
+            markup=False,
+            soft_wrap=True,
         )
         return _EXIT_FAILED
     if outcome.interrupted:
         messages.print(
-            f"interrupted at step {outcome.steps}; the bag is closed: {outcome.bag}", highlight=False, soft_wrap=True
+            f"interrupted at step {outcome.steps}; the bag is closed: {outcome.bag}",
+            highlight=False,
+            markup=False,
+            soft_wrap=True,
         )
     show(outcome.bag, out if plots else None, json=json, partial=is_partial(scenario, recording))
     if outcome.interrupted and not _is_forever(scenario):
