@@ -16,7 +16,7 @@ import numpy as np
 from monitor.errors import HistoryError
 from monitor.input_reconstruction.behaviour import Behaviour, shows_order, truncate, untruncated
 from monitor.input_reconstruction.windows import Windows, cut_windows, hankel_of
-from monitor.input_reconstruction.zeros import invariant_zeros, invisible, visibility
+from monitor.input_reconstruction.zeros import invariant_zeros, invisible, invisible_below, visibility
 
 if TYPE_CHECKING:
     from monitor.history import History
@@ -25,6 +25,7 @@ _PREFERRED = 5  # N_ini of I
 _LONGEST = 40  # windows that are tried when nothing is said
 _LONGER = 6  # so much longer ones are tried where noise hides the order
 _CLEAR = 1e-4  # a visibility above it needs no larger future
+_ABOVE_NOISE = 3.0  # times the noise
 _ALIKE = 2.0  # misfits of least squares within this factor are alike
 
 
@@ -170,18 +171,23 @@ def _with_future(history: History, sizes: Sizes, past: int) -> tuple[Windows, Be
     if sizes.future is not None:
         return _cut(history, sizes, past, sizes.future)
     tried = [_cut(history, sizes, past, 1)]
-    shown = [visibility(tried[0][1])]
+    shown = [_clearness(tried[0][1])]
     longest = (tried[0][1].order or past) + 1
-    while shown[-1] <= _CLEAR and len(tried) < longest:
+    while shown[-1] < 1.0 and len(tried) < longest:
         try:
             tried.append(_cut(history, sizes, past, len(tried) + 1))
         except HistoryError:
             break
-        shown.append(visibility(tried[-1][1]))
+        shown.append(_clearness(tried[-1][1]))
     if tried[0][1].decided:
         return tried[int(np.argmax(shown))]
     misfits = [_misfit(windows) for windows, _ in tried]
     return tried[next(at for at, one in enumerate(misfits) if one <= _ALIKE * min(misfits))]
+
+
+def _clearness(behaviour: Behaviour) -> float:
+    """How clearly the input at t shows: 1 where neither rounding nor noise can be taken for it."""
+    return visibility(behaviour) / max(_CLEAR, _ABOVE_NOISE * invisible_below(behaviour))
 
 
 def _cut(history: History, sizes: Sizes, past: int, future: int) -> tuple[Windows, Behaviour]:
