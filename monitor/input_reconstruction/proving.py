@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -50,8 +50,23 @@ def prove_inputs(observer: LinearObserver, gains: Gains, split: Split, units: Sc
     gain = float(np.sqrt(np.max(np.diag(noise_covariance(observer, np.eye(observer.outputs))), initial=0.0)))
     allowed = rounding(claim.tolerance, gain, unseen)
     if not claim.exact:
-        allowed = noise(_tried(observer, gains, units.scaled(split.seen)), claim.unknowns, allowed)
+        # recorded inputs are not those that noisy outputs speak for: a start moves the residual, so starts are alike
+        shortest = gains.past + gains.future + 1
+        again = max((len(one.y) for one in stretches(split.unseen)), default=shortest)
+        allowed = noise(
+            _tried(observer, gains, units.scaled(_cut(split.seen, max(again, shortest)))), claim.unknowns, allowed
+        )
     return prove(unseen, allowed, (units.u, units.y), spare_columns=claim.spare_columns, estimate="inputs")
+
+
+def _cut(history: History, length: int) -> History:
+    """Every experiment in parts of this length, the last one shorter."""
+    parts = [
+        replace(one, **{name: getattr(one, name)[at : at + length] for name in ("u", "y", "x", "d", "w")})
+        for one in history.experiments
+        for at in range(0, len(one.y), length)
+    ]
+    return replace(history, experiments=tuple(parts))
 
 
 def _tried(observer: LinearObserver, gains: Gains, history: History) -> list[Trial]:
