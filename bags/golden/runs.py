@@ -36,7 +36,7 @@ _TEAM = (
     "events: [{member: 3, kind: lies, start_sec: 1.1, stop_sec: 1.3, bias: [1.0, 0.0, 0.0]}]}"
 )
 GOLDEN: dict[str, tuple[str, tuple[str, ...]]] = {
-    "attack_free": (_THREE, ()),
+    "attack_free": (_THREE, ("duration_sec=1.0",)),
     "biased": (_THREE, (f"attacks={_BIASES}",)),
     "stealthy": (
         _THREE,
