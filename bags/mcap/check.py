@@ -6,18 +6,20 @@ from pathlib import Path
 from typing import Any, final
 
 import numpy as np
-import yaml
 from mcap.opcode import Opcode
 
+from bags.mcap.chunk import MESSAGE_HEAD
 from bags.mcap.errors import BagError
 from bags.mcap.file_bytes import FileBytes
+from bags.mcap.folder import by_number, read_metadata
 from bags.mcap.frames import MAGIC, Frame, parse_definition
+from bags.mcap.kinds import POINTERS, ZSTD_MAGIC, Kind, kind_of
 from bags.mcap.mcap_file import OURS
 from bags.mcap.metadata import METADATA_FILE, ROOT_KEY, whole_document
 from bags.mcap.scan import Fault, Messages, survey
 from bags.mcap.summary_section import SummarySection, summary_of
-from bags.mcap.yaml_text import load
 
+_MOST_JUNK = 16_000_000  # bytes in front of a file
 _MOST_FAULTS = 20  # of one file: a report is for people
 
 
@@ -123,13 +125,19 @@ def mcap_files(path: Path) -> list[Path]:
     Raises:
         BagError: There is none.
     """
-    if path.is_file():
-        return [path]
     if not path.exists():
         raise BagError(f"{path}: does not exist, expected a bag's directory")
-    there = {file.name: file for file in sorted(path.glob("*.mcap"), key=_by_number)}
+    if not path.is_dir():
+        _check_kind(path)
+        return [path]
+    there = {file.name: file for file in sorted(path.glob("*.mcap"), key=by_number)}
     if not there:
+        others = sorted([*path.glob("*.db3*"), *path.glob("*.bag"), *path.glob("*.mcap.zst*")])
+        for file in others:
+            _check_kind(file)
         raise BagError(f"{path}: holds no *.mcap file, expected a rosbag2 directory")
+    for file in there.values():
+        _check_kind(file)
     told = read_information(path).get("relative_file_paths")
     named = [there.pop(str(name)) for name in told if str(name) in there] if isinstance(told, list) else []
     return [*named, *there.values()]
@@ -138,16 +146,27 @@ def mcap_files(path: Path) -> list[Path]:
 def read_information(path: Path) -> dict[str, Any]:
     """What metadata.yaml says, {} when it is missing or damaged."""
     try:
-        document = load((path / METADATA_FILE).read_text("utf-8"))
-    except (OSError, ValueError, yaml.YAMLError):
+        return read_metadata(path)
+    except BagError:
         return {}
-    information = document.get(ROOT_KEY) if isinstance(document, dict) else None
-    return information if isinstance(information, dict) else {}
 
 
-def _by_number(file: Path) -> tuple[int, str]:
-    digits = file.stem.rpartition("_")[2]
-    return (int(digits) if digits.isdecimal() else 0, file.name)
+def _check_kind(file: Path) -> None:
+    """Refuse what is sound, but of another kind, and what only stands for a recording.
+
+    Raises:
+        BagError: It is.
+    """
+    kind = kind_of(file)
+    if kind in (*POINTERS, Kind.SQLITE, Kind.ROS1, Kind.ZSTD):
+        raise BagError(f"{file}: is {kind.value}, expected an MCAP file")
+
+
+def start_of(file: Path) -> int:
+    """How many bytes stand in front of an MCAP file, as when two files were joined; 0 when its start is lost."""
+    with FileBytes(file) as source:
+        # a head record follows the magic number: it stands at the end of the file too
+        return source.find(MAGIC + bytes([Opcode.HEADER]), _MOST_JUNK) or 0
 
 
 @final
@@ -167,11 +186,15 @@ class _File:
     library: str = ""
     metadata_text: str = ""
     ended: bool = False
+    compressed: bool = False  # whether messages are, each by itself
     faults: list[Fault] = field(default_factory=list)
 
     def run(self, damages: list[Damage]) -> "_File":
         """Go through the file and append what is wrong."""
-        with FileBytes(self.file) as source:
+        base = start_of(self.file)
+        if base:
+            self.faults.append(Fault(start=0, what=f"{base} bytes stand in front of the file"))
+        with FileBytes(self.file, base) as source:
             self.size = source.size
             found = summary_of(source)
             summary = found if isinstance(found, SummarySection) else None
@@ -262,6 +285,9 @@ class _File:
             end_ns,
         ):
             self._fault(chunk.start, "the summary's index does not fit the chunk")
+        if len(table) and not self.compressed:
+            at = int(table.starts[0]) + MESSAGE_HEAD.size
+            self.compressed = chunk.content[at : at + len(ZSTD_MAGIC)] == ZSTD_MAGIC
         for opcode, start, end in table.definitions:
             record = parse_definition(opcode, chunk.content[start:end])
             if record is not None:
@@ -269,6 +295,20 @@ class _File:
 
     def _fault(self, start: int, what: str) -> None:
         self.faults.append(Fault(start=start, what=what))
+
+    def _differ(self, summary: Mapping[int, Any], data: Mapping[int, Any], used: Mapping[int, int]) -> bool:
+        """Whether two sets of definitions differ; rosbag2 puts those without messages into the summary only.
+
+        Args:
+            summary: By id.
+            data: By id.
+            used: Those that have messages.
+        """
+        if self.library.startswith(OURS):
+            return dict(summary) != dict(data)
+        if any(number not in data for number in used):
+            return True
+        return any(summary.get(number) != one for number, one in data.items())
 
     def _compare(self, summary: SummarySection | None) -> None:
         """Hold the summary against what was found."""
@@ -278,9 +318,12 @@ class _File:
             self._fault(summary.start, "no end of the data section before the summary")
         if not summary.checked and self.library.startswith(OURS):
             self._fault(self.size, "the summary has no check sum")
-        if summary.channels and dict(summary.channels) != self.channels:
+        if summary.channels and self._differ(summary.channels, self.channels, self.counts):
             self._fault(summary.start, "the channels in the summary differ from those in the data")
-        if summary.schemas and dict(summary.schemas) != self.schemas:
+        used = {
+            one.schema_id: 1 for number, one in summary.channels.items() if one.schema_id and self.counts.get(number)
+        }
+        if summary.schemas and self._differ(summary.schemas, self.schemas, used):
             self._fault(summary.start, "the schemas in the summary differ from those in the data")
         if summary.statistics is not None:
             promised = {key: count for key, count in summary.statistics.channel_message_counts.items() if count}
@@ -306,6 +349,10 @@ def _metadata_faults(path: Path, files: list[_File]) -> list[str]:
     count = sum(sum(one.counts.values()) for one in files)
     if information.get("message_count") != count:
         faults.append(f"promises {information.get('message_count')} messages, {count} are intact")
+    mode = str(information.get("compression_mode") or "").lower()
+    if any(one.compressed for one in files) != (mode == "message") and count:
+        faults.append(f"says compression_mode {mode!r}, which does not fit the messages")
+    faults += _entry_faults(information, files)
     last = files[-1]
     if (
         last.library.startswith(OURS)
@@ -314,4 +361,26 @@ def _metadata_faults(path: Path, files: list[_File]) -> list[str]:
         and file.read_bytes().decode("utf-8", "replace") != (whole_document(last.metadata_text))
     ):
         faults.append("differs from its copy in the last file")
+    return faults
+
+
+def _entry_faults(information: Mapping[str, Any], files: list[_File]) -> list[str]:
+    """What metadata.yaml says about each file, held against the file."""
+    entries = information.get("files")
+    told = {str(one.get("path")): one for one in entries if isinstance(one, dict)} if isinstance(entries, list) else {}
+    faults = []
+    for one in files:
+        entry = told.get(one.file.name)
+        if entry is None:
+            continue
+        count, there = entry.get("message_count"), sum(one.counts.values())
+        if count != there:
+            faults.append(f"promises {count} messages in {one.file.name}, {there} are intact")
+            continue
+        since = entry.get("starting_time")
+        start_ns = since.get("nanoseconds_since_epoch") if isinstance(since, dict) else None
+        elsewhere = any(other.start_ns == start_ns for other in files if other is not one)
+        # of others only a start that is another file's: what exactly they call the start differs between versions
+        if there and start_ns != one.start_ns and (elsewhere or one.library.startswith(OURS)):
+            faults.append(f"lets {one.file.name} begin at {start_ns} ns, it begins at {one.start_ns} ns")
     return faults

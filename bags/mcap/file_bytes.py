@@ -2,6 +2,7 @@
 
 import re
 import zlib
+from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
 from typing import final
@@ -16,20 +17,25 @@ _CHUNK = re.compile(rb"(?=\x06.{4}\0{4}.{28}(?:\x04\0{3}zstd|\x03\0{3}lz4|\0{4}.
 class FileBytes:
     """A file opened for reading; a context manager."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, base: int = 0) -> None:
         """Open the file.
+
+        Args:
+            path: The file.
+            base: Bytes in front that do not count.
 
         Raises:
             OSError: It cannot be opened.
         """
         self._stream = path.open("rb")
-        self.size = self._stream.seek(0, 2)
+        self._base = base
+        self.size = max(self._stream.seek(0, 2) - base, 0)
 
     def read(self, start: int, length: int) -> bytes:
         """The bytes from a position on, fewer at the end of the file."""
         if not 0 <= start < self.size or length <= 0:
             return b""
-        self._stream.seek(start)
+        self._stream.seek(self._base + start)
         return self._stream.read(min(length, self.size - start))
 
     def crc32(self, start: int, end: int) -> int:
@@ -39,14 +45,21 @@ class FileBytes:
             crc = zlib.crc32(self.read(at, min(_PIECE, end - at)), crc)
         return crc
 
-    def find_chunk(self, start: int) -> int | None:
-        """Next position at which something like the head of a chunk stands."""
+    def find(self, what: bytes, limit: int) -> int | None:
+        """First position before a limit at which some bytes stand."""
+        for at in range(0, min(limit, self.size), _PIECE):
+            found = self.read(at, _PIECE + len(what)).find(what)
+            if found >= 0:
+                return at + found
+        return None
+
+    def find_chunks(self, start: int) -> Iterator[int]:
+        """Positions at which something like the head of a chunk stands, each byte looked at once."""
         overlap = _CHUNK_HEAD + 8
         for at in range(start, self.size, _PIECE):
-            found = _CHUNK.search(self.read(at, _PIECE + overlap))
-            if found:
-                return at + found.start()
-        return None
+            for found in _CHUNK.finditer(self.read(at, _PIECE + overlap)):
+                if found.start() < _PIECE:
+                    yield at + found.start()
 
     def __enter__(self) -> "FileBytes":
         """Return self."""

@@ -85,12 +85,14 @@ class BagInfo:
         topics: Topics in the order of the channels.
         custom: Free texts by key.
         ros_distro: Whose types they are.
+        compressed: Whether each message is compressed by itself, with zstd.
     """
 
     files: Sequence[FileEntry]
     topics: Sequence[TopicEntry]
     custom: Mapping[str, str]
     ros_distro: str = ROS_DISTRO
+    compressed: bool = False
 
     def to_yaml(self) -> str:
         """The document without its outermost key, as it stands in MCAP's metadata record."""
@@ -120,8 +122,8 @@ class BagInfo:
             **whole.span(),
             "topics_with_message_count": topics,
             # the chunks inside the MCAP file are compressed, which is not what these two are about
-            "compression_format": "",
-            "compression_mode": "",
+            "compression_format": "zstd" if self.compressed else "",
+            "compression_mode": "MESSAGE" if self.compressed else "",
             "relative_file_paths": [one.name for one in self.files],
             "files": [{"path": one.name, **one.span()} for one in self.files],
             "custom_data": dict(self.custom) or None,

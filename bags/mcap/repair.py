@@ -18,17 +18,19 @@ from mcap.well_known import Profile
 from numpy.typing import NDArray
 
 from bags.mcap.broken_chunk import rest_of
-from bags.mcap.check import Damage, mcap_files, read_information
-from bags.mcap.chunk import OpenChunk
+from bags.mcap.check import Damage, mcap_files, read_information, start_of
+from bags.mcap.chunk import MESSAGE_HEAD, OpenChunk
 from bags.mcap.errors import BagError
 from bags.mcap.file_bytes import FileBytes
 from bags.mcap.frames import Frame, parse_definition
+from bags.mcap.kinds import ZSTD_MAGIC
 from bags.mcap.mcap_file import McapFile
 from bags.mcap.messages import MessageTable, walk
 from bags.mcap.metadata import ROS_DISTRO, BagInfo, FileEntry, TopicEntry, write_metadata
 from bags.mcap.packing import Compression
 from bags.mcap.scan import Fault, Messages, survey
 from bags.mcap.summary_section import SummarySection, summary_of
+from bags.mcap.trusted import channel_fault, told_types, verified_schema
 from bags.mcap.yaml_text import load
 
 
@@ -79,14 +81,18 @@ def repair(path: Path, out: Path) -> RepairReport:
     if out.exists():
         raise BagError(f"{out}: exists already, expected the path of a bag to be made")
     information = read_information(path) if path.is_dir() else {}
-    jobs = [_File() for _ in files]
+    told = told_types(information)
+    jobs = [_File(told=told) for _ in files]
     damages: list[Damage] = []
     try:
         out.mkdir(parents=True)
         entries: list[FileEntry] = []
         for job, file in zip(jobs, files, strict=True):
             last = file == files[-1]
-            with FileBytes(file) as source:
+            base = start_of(file)
+            if base:
+                job.faults.append(Fault(start=0, what=f"{base} bytes stand in front of the file"))
+            with FileBytes(file, base) as source:
                 job.copy(source, out / file.name)
             start_ns, end_ns = job.target.time_range_ns
             count = sum(job.target.counts.values())
@@ -133,7 +139,13 @@ def _information(files: list[FileEntry], jobs: "list[_File]", old: Mapping[str, 
     ]
     custom = old.get("custom_data")
     texts = {str(key): str(value) for key, value in custom.items()} if isinstance(custom, dict) else {}
-    return BagInfo(files=files, topics=topics, custom=texts, ros_distro=str(old.get("ros_distro") or ROS_DISTRO))
+    return BagInfo(
+        files=files,
+        topics=topics,
+        custom=texts,
+        ros_distro=str(old.get("ros_distro") or ROS_DISTRO),
+        compressed=any(job.compressed for job in jobs),
+    )
 
 
 def _profiles(text: str) -> list[object]:
@@ -157,6 +169,9 @@ class _File:
     chunks: int = 0
     salvaged: int = 0
     undescribed: int = 0
+    compressed: bool = False  # whether messages are, each by itself
+    told: Mapping[str, str] = field(default_factory=dict)  # type of each topic as metadata.yaml says
+    refused: dict[int, str] = field(default_factory=dict)  # channels whose definition is none, and why
     _target: McapFile | None = None
 
     @property
@@ -227,10 +242,18 @@ class _File:
     def _define(self, schemas: Mapping[int, Schema], channels: Mapping[int, Channel]) -> None:
         for schema in schemas.values():
             if schema.id not in self.new_schemas:
+                schema, fault = verified_schema(schema)  # noqa: PLW2901 - the same one, as it was
+                if fault:
+                    self.faults.append(Fault(start=0, what=fault))
                 self.new_schemas[schema.id] = self.target.add_schema(schema.name, schema.encoding, schema.data)
                 self.schemas[schema.id] = schema
         for channel in channels.values():
-            if channel.id not in self.new_ids:
+            if channel.id not in self.new_ids and channel.id not in self.refused:
+                fault = channel_fault(channel, self.schemas.get(channel.schema_id), self.told)
+                if fault:
+                    self.refused[channel.id] = fault
+                    self.faults.append(Fault(start=0, what=fault))
+                    continue
                 schema_id = self.new_schemas.get(channel.schema_id, 0)
                 self.new_ids[channel.id] = self.target.add_channel(
                     channel.topic, channel.message_encoding, schema_id, channel.metadata
@@ -243,6 +266,9 @@ class _File:
         self.undescribed += int(len(table) - known.sum())
         if not known.any():
             return 0
+        if not self.compressed:
+            first = int(table.starts[known][0]) + MESSAGE_HEAD.size
+            self.compressed = content[first : first + len(ZSTD_MAGIC)] == ZSTD_MAGIC
         starts, ends, old = table.starts[known], table.ends[known], table.channel_ids[known]
         data: NDArray[np.uint8] = np.frombuffer(content, dtype=np.uint8).copy()
         values, inverse = np.unique(old, return_inverse=True)

@@ -6,6 +6,7 @@ length of its record and the length of its data each lead to its end, and one of
 
 import struct
 import zlib
+from bisect import bisect_right
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
@@ -24,6 +25,9 @@ from bags.mcap.messages import MessageTable, table_by_index, walk
 from bags.mcap.summary_section import SummarySection
 
 _CHUNK_FIELDS = struct.Struct("<BQQQQII")
+_LOOKED_AT = 4  # times the size of a file may be read in search of its next sound chunk
+_ALWAYS = 64_000_000
+_HEAD_COST = 64
 _NAMES = {0: "", 3: "lz4", 4: "zstd"}  # by length, which survives a wrong letter
 
 
@@ -179,7 +183,8 @@ def _following(source: FileBytes, at: int, limit: int, landmarks: list[int]) -> 
     head = source.read(at, FRAME)
     opcode, length = HEAD.unpack(head) if len(head) == FRAME else (0, limit)
     end = at + FRAME + length
-    known: int | None = next((one for one in landmarks if one > at), None)
+    behind = bisect_right(landmarks, at)
+    known: int | None = landmarks[behind] if behind < len(landmarks) else None
     if end < limit and Opcode.HEADER <= opcode <= Opcode.DATA_END and (known is None or end <= known):
         following = source.read(end, FRAME)
         if len(following) == FRAME:
@@ -188,12 +193,20 @@ def _following(source: FileBytes, at: int, limit: int, landmarks: list[int]) -> 
                 return int(end)
     if known is not None:
         return known
-    position = source.find_chunk(at + 1)
-    while position is not None and position < limit:
+    budget = _LOOKED_AT * source.size + _ALWAYS
+    for position in source.find_chunks(at + 1):
+        budget -= _claimed(source, position, limit)
+        if position >= limit or budget < 0:  # what looks like a million chunks is none of them
+            return None
         if read_chunk(source, position, limit, None) is not None:
             return position
-        position = source.find_chunk(position + 1)
     return None
+
+
+def _claimed(source: FileBytes, at: int, limit: int) -> int:
+    """Bytes that reading what looks like a chunk would take."""
+    length = int.from_bytes(source.read(at + 1, 8), "little")
+    return _HEAD_COST + (length if at + FRAME + length <= limit else 0)
 
 
 def _fault(source: FileBytes, at: int, limit: int, following: int | None) -> Fault:
