@@ -13,6 +13,7 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+from bags.foreign.falsifying import Falsifier, RecordedKnowledge, states_of
 from bags.foreign.gridding import Grid, Samples, put_on_grid
 from bags.foreign.mapping import HistoryMapping, Mapping, Signal, StreamMapping, stream_widths
 from bags.foreign.recordings import read_recordings
@@ -26,6 +27,7 @@ from bags.wire.origin import MONITOR_ATTACHMENT, attach_versions
 from bags.wire.records import HistoryRecord
 from bags.wire.row import Widths
 from bags.wire.schema import RunTopics, run_topics
+from dgu_sim.errors import AttackError
 from dgu_sim.grid import Link
 from dgu_sim.records import Sample
 
@@ -184,18 +186,28 @@ def import_streams(
     links = [one.ends for one in mapping.streams]
     ends = sorted({end for link in links for end in (link.source, link.target)})
     topics = run_topics(ends, links, grid.period_ns, widths=stream_widths(mapping.streams))
+    streams = {one.ends: one for one in mapping.streams}
+    knowledge = RecordedKnowledge(
+        histories=states_of(histories), outputs={link.source: len(one.y) for link, one in streams.items()}
+    )
+    plans = [one.plan for one in mapping.attacks]
+    try:
+        falsifier = Falsifier(topics.links, plans, grid.period_ns * 1e-9, knowledge, mapping.seed)
+    except AttackError as error:
+        raise BagError(f"{source}: {error}") from error
     blocks = grid.blocks()
     first = next(blocks, None)
     if first is None:
         raise BagError(f"{source}: gives no sample, expected some")
     codecs = {one.dgu: topics.history(one.dgu) for one in histories}
     announced = [*topics.heard, *(codec.topic for codec in codecs.values())]
+    announced += [topics.attack_events().topic] if plans else []
     custom = {"imported_from": source.name, "start_ns": str(grid.start_ns)}
     with _removed_on_failure(out), BagWriter(out, announced, custom_data=custom) as writer:
         attach_mapping(writer, mapping)
         for record in histories:
             writer.write(codecs[record.dgu].topic.name, 0, codecs[record.dgu].encode(record))
-        steps = _Steps(writer, topics, {one.ends: one for one in mapping.streams})
+        steps = _Steps(writer, topics, streams, falsifier)
         for block in chain([first], blocks):
             steps.write(block)
         report = ImportReport(
@@ -204,10 +216,29 @@ def import_streams(
             samples=steps.count,
             missing=steps.missing,
             experiments={dgu: sum(one.dgu == dgu for one in histories) for dgu in sorted(sources) if histories},
-            notes=tuple(notes),
+            notes=(*notes, *_attack_notes(source, mapping, steps)),
         )
         attach_report(writer, report)
     return report
+
+
+def _attack_notes(source: Path, mapping: Mapping, steps: "_Steps") -> list[str]:
+    """What was falsified; an attack that never acted is no result.
+
+    Raises:
+        BagError: One began behind the end of the recording.
+    """
+    for one in mapping.attacks:
+        if one.start_sec >= steps.count * steps.period_sec:
+            raise BagError(
+                f"{source}: the {one.kind} attack starts at {one.start_sec:g} s, expected a time before the end of the "
+                f"recording at {steps.count * steps.period_sec:g} s"
+            )
+    return [
+        f"falsified: {one.kind} on {', '.join(one.link_names)} from {one.start_sec:g} s "
+        f"{'to the end' if one.stop_sec is None else f'to {one.stop_sec:g} s'}"
+        for one in mapping.attacks
+    ]
 
 
 @final
@@ -264,15 +295,18 @@ def _experiments(samples: Samples, mapping: HistoryMapping) -> list[dict[str, ND
 class _Steps:
     """Writes rows as the steps of a run."""
 
-    def __init__(self, writer: BagWriter, topics: RunTopics, streams: MappingType[Link, StreamMapping]) -> None:
+    def __init__(
+        self, writer: BagWriter, topics: RunTopics, streams: MappingType[Link, StreamMapping], falsifier: Falsifier
+    ) -> None:
         """Start at step 0."""
-        self._writer, self._topics = writer, topics
+        self._writer, self._topics, self._falsifier = writer, topics, falsifier
         self._streams = [(topics.received(link), streams[link]) for link in topics.links]
         self.count, self.missing = 0, 0
 
     def write(self, block: Samples) -> None:
         """Write one block: a sample of which anything is missing or no finite number is not delivered."""
         clock, tick = self._topics.clock(), self._topics.tick()
+        events = self._topics.attack_events()
         widths = self._topics.widths
         columns = [(codec, *_samples(block, one, widths)) for codec, one in self._streams]
         arrived = np.stack([delivered for _, _, delivered in columns])
@@ -281,12 +315,22 @@ class _Steps:
             stamp = self._topics.stamp_ns(self.count)
             self._writer.write(clock.topic.name, stamp, clock.encode(self.count))
             self._writer.write(tick.topic.name, stamp, tick.encode(self.count))
-            for codec, vectors, delivered in columns:
-                vector = vectors[row].tolist()
-                y, u = vector[: widths.outputs], vector[widths.outputs :]
-                sample = Sample(y=y, delivered=bool(delivered[row]), u=u)
+            sent = [
+                Sample(y=tuple(one[: widths.outputs]), delivered=bool(there[row]), u=tuple(one[widths.outputs :]))
+                for _, vectors, there in columns
+                for one in [vectors[row].tolist()]
+            ]
+            received, told = self._falsifier.step(sent)
+            for (codec, _, _), sample in zip(columns, received, strict=True):
                 self._writer.write(codec.topic.name, stamp, codec.encode(self.count, sample))
+            for event in told:
+                self._writer.write(events.topic.name, stamp, events.encode(event))
             self.count += 1
+
+    @property
+    def period_sec(self) -> float:
+        """T_s [s]."""
+        return self._topics.sampling_period_ns * 1e-9
 
 
 def _samples(block: Samples, stream: StreamMapping, widths: Widths) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:

@@ -17,7 +17,7 @@ from dgu_sim.explain import explain
 from dgu_sim.grid import Link
 from dgu_sim.model import Frozen, Number, finding
 from dgu_sim.scenario_file import parse_yaml
-from dgu_sim.settings import MonitorSettings
+from dgu_sim.settings import AttackSettings, MonitorSettings
 
 _OUTPUTS = 3  # components of a received output
 _HOLD_PERIODS = 1.5
@@ -160,6 +160,11 @@ class Mapping(Frozen):
     start_sec: Number = Field(default=0.0, ge=0, description="Streams begin here, since the first mapped message [s].")
     stop_sec: Number | None = Field(default=None, gt=0, description="Streams end before this [s]; default: at the end.")
     streams: tuple[StreamMapping, ...] = Field(default=(), description="Received outputs to monitor.")
+    attacks: tuple[AttackSettings, ...] = Field(
+        default=(),
+        description="Attacks that falsify the streams, as those of a scenario; none that needs a running grid.",
+    )
+    seed: int = Field(default=0, ge=0, description="Seed of attacks that draw random numbers.")
     monitor: MonitorSettings = Field(default_factory=MonitorSettings, description="Observer and detector.")
 
     @model_validator(mode="after")
@@ -168,6 +173,10 @@ class Mapping(Frozen):
         for position, link in enumerate(links):
             if link in links[:position]:
                 raise finding(("streams", position, "link"), link, "expected each link once")
+        for position, attack in enumerate(self.attacks):
+            for link in attack.link_names:
+                if link not in links:
+                    raise finding(("attacks", position, "link"), link, f"expected a stream's link: {', '.join(links)}")
         return self
 
     @property

@@ -12,10 +12,12 @@ import typer
 from rich.console import Console
 from rich.progress import Progress, TaskID
 
+from bags.foreign.draft import draft_mapping, missing_of
 from bags.foreign.importing import import_histories, import_streams
 from bags.foreign.mapping import Mapping, Stamps, load_data, mapping_of
 from bags.foreign.outline import Described, describe_source
 from bags.foreign.sampling import Policy
+from dcmg.attack_words import parse_order
 from dcmg.commands.definitions import EXIT_LEFT_OUT, Definitions, known_definitions
 from dcmg.errors import CommandError
 from dgu_sim.grid import Link
@@ -114,8 +116,9 @@ def history(
     _tell(report, f"{report.samples} samples in experiments ({counts}) are in {out}", json=json)
 
 
-@app.command()
+@app.command(context_settings={"allow_extra_args": True, "ignore_unknown_options": True})
 def stream(
+    context: typer.Context,
     source: Source,
     *,
     out: Out,
@@ -126,6 +129,12 @@ def stream(
     history: Annotated[
         Path | None, typer.Option(metavar="BAG", help="histories of the watched DGUs, copied into the bag")
     ] = None,
+    attack: Annotated[
+        str | None, typer.Option(metavar="KIND", help="falsify the link as an attacker on it would, and label that")
+    ] = None,
+    start: Annotated[float, typer.Option(metavar="SECONDS", help="first falsified sample [s]")] = 0.0,
+    stop: Annotated[float | None, typer.Option(metavar="SECONDS", help="first clean sample again [s]")] = None,
+    seed: Annotated[int | None, typer.Option(help="seed of attacks that draw random numbers [0]")] = None,
     time: Time = None,
     period: Period = None,
     stamps: StampsOption = None,
@@ -135,9 +144,24 @@ def stream(
     definitions: Definitions = None,
     json: Json = False,
 ) -> None:
-    """Write measurements as received outputs, which `dcmg replay` monitors."""
+    """Write measurements as received outputs, which `dcmg replay` monitors.
+
+    With `--attack KIND` the parameters of the attack follow, as in `--attack bias --bias 0.1 0.1 0.1 --start 4`: the
+    recording is falsified as an attacker on the link would, and labelled, so that delay, missed and false alarms are
+    measured. `dcmg attack kinds` lists the kinds; those that need a running grid are refused.
+    """
     entry = {"link": link, "y": y, "delivered": delivered}
     changes = _changes(time=time, period=period, stamps=stamps, policy=policy, tolerance=tolerance, max_gap=max_gap)
+    changes |= _given({"seed": seed})
+    if attack is not None:
+        if mapping is not None and link is None:
+            raise CommandError("--link: expected the falsified link beside --attack")
+        changes["attacks"] = [_ordered(attack, str(link), context.args, start, stop)]
+        entry = {} if mapping is not None and not (y or delivered) else entry
+    elif context.args:
+        raise CommandError(
+            f"{context.args[0]}: no such option or argument, expected --attack KIND before its parameters"
+        )
     found = _mapping(mapping, "streams", entry, needed=("link", "y"), changes=changes)
     known = known_definitions(definitions)
     report = _with_progress(
@@ -191,6 +215,34 @@ def check_history(
 
 
 @app.command()
+def draft(
+    source: Source,
+    *,
+    out: Annotated[
+        Path | None, typer.Option(metavar="FILE", help="mapping file to write; default: the terminal")
+    ] = None,
+    definitions: Definitions = None,
+) -> None:
+    """Draft a mapping file: candidates with rates and units, and what is missing.
+
+    Exit code 3 when a topic with messages cannot be read.
+    """
+    found = describe_source(source, known_definitions(definitions))
+    text = draft_mapping(source, found)
+    if out is None:
+        typer.echo(text, nl=False)
+    elif out.exists():
+        raise CommandError(f"{out}: exists already, expected the path of a file to be made")
+    else:
+        out.write_text(text, encoding="utf-8")
+        typer.echo(f"{out} is written; only you can say:")
+        for line in missing_of(found):
+            typer.echo(f"    {line}")
+    if found.left_out:
+        raise typer.Exit(EXIT_LEFT_OUT)
+
+
+@app.command()
 def example(
     folder: Annotated[Path, typer.Argument(help="folder to write to; new or empty", show_default=False)],
 ) -> None:
@@ -213,6 +265,15 @@ def _deviations(text: str) -> float | tuple[float, ...]:
     except ValueError:
         raise CommandError(f"--received-std {text}: expected numbers, as in 0.001,0.001,0.0001") from None
     return numbers[0] if len(numbers) == 1 else numbers
+
+
+def _ordered(kind: str, link: str, words: Sequence[str], start: float, stop: float | None) -> dict[str, object]:
+    """An attack of the command line as an entry of a mapping."""
+    order = parse_order([kind, link, *words])
+    times: dict[str, object] = {"start_sec": start, **_given({"stop_sec": stop})}
+    links = [str(one) for one in order.links]
+    where: dict[str, object] = {"link": links[0]} if len(links) == 1 else {"links": links}
+    return {"kind": kind, **where, **times, **order.parameters}
 
 
 def _changes(
