@@ -7,14 +7,10 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
+from bags.wire.arrays import group, room
 from bags.wire.forms import MASKS
-from bags.wire.row import Need
 from bags.wire.schema import RunTopics
 from monitor.combined import DguOutput
-
-_VECTOR, _INPUTS = 3, 2
-_VECTORS = ("estimate", "residual", "threshold")
-_PAIRS = ("input", "lower", "upper", "rate")
 
 
 @final
@@ -93,28 +89,9 @@ class CombinedFields:
     @classmethod
     def empty(cls, topics: RunTopics, steps: int) -> "CombinedFields":
         """Room for the messages of some steps."""
-        monitors, links = (steps, len(topics.monitors)), (steps, len(topics.links))
-        return cls(
-            verdict={
-                **{name: np.zeros(monitors, dtype=np.uint64) for name in MASKS},
-                "local": np.zeros(monitors, dtype=np.bool_),
-            },
-            local={
-                "phase": np.zeros(monitors, dtype=np.uint8),
-                "alarm": np.zeros(monitors, dtype=np.bool_),
-                **{name: np.full((*monitors, _VECTOR), np.nan) for name in _VECTORS},
-            }
-            if topics.has(Need.LOCAL)
-            else {},
-            inputs={
-                "lag": np.zeros(links, dtype=np.uint32),
-                "phase": np.zeros(links, dtype=np.uint8),
-                "alarm": np.zeros(links, dtype=np.bool_),
-                **{name: np.full((*links, _INPUTS), np.nan) for name in _PAIRS},
-            }
-            if topics.has(Need.INPUTS)
-            else {},
-        )
+        arrays = room(topics, steps)
+        verdict, local, inputs = (group(arrays, key) for key in ("verdict", "own_residual", "input"))
+        return cls(verdict=verdict, local=local, inputs=inputs)
 
     def arrays(self, topics: RunTopics) -> CombinedArrays:
         """The arrays, masks opened up."""
