@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from math import nan
 from typing import final
 
 import numpy as np
@@ -109,8 +110,15 @@ class Falsifier:
 
     def step(self, samples: Sequence[Sample]) -> tuple[tuple[Sample, ...], tuple[RelayEvent, ...]]:
         """What the links deliver of the samples of one step, and which attacks start or end with it."""
-        self._state, delivered, events = self._relay.step(self._state, samples)
-        return delivered, events
+        width = len(_COMPONENTS)
+        # attacks are written for V, I_t and v: what is sent besides passes as it is
+        heads = [Sample(y=(*one.y, nan, nan, nan)[:width], delivered=one.delivered) for one in samples]
+        self._state, received, events = self._relay.step(self._state, heads)
+        found = [
+            Sample(y=(*new.y[: len(old.y)], *old.y[width:]), delivered=new.delivered, u=old.u)
+            for old, new in zip(samples, received, strict=True)
+        ]
+        return tuple(found), events
 
 
 def states_of(records: Sequence[HistoryRecord]) -> dict[int, tuple[FloatArray, ...]]:
