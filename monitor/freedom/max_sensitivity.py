@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 _DEFAULT_DECAY = 0.9
 _VISIBLE = 1e-7  # relative: below it no choice makes a bias visible
+_TINY = 1e-300  # keeps 0 / 0 out
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -59,8 +60,11 @@ def max_sensitivity(problem: Problem, options: FreedomOptions) -> NDArray[np.flo
         budget = _minimum_norm_noise(problem)
     if budget is None:
         return Refusal("max_sensitivity: minimum_norm is not stable and sets no noise budget; give noise_budget")
+    ball = _within(noise, budget)
     solve = _along_one if visible.shape[1] == 1 else _solve
-    theta = solve(gains, noise, visible, budget)
+    theta = None if ball is None else solve(gains, ball, visible)
+    if isinstance(theta, Refusal):
+        return theta
     if theta is None:
         return Refusal(f"max_sensitivity: no choice of Q sees every visible bias within the noise budget {budget:.3g}")
     return base + np.tensordot(theta, directions, axes=1)
@@ -126,41 +130,57 @@ def _minimum_norm_noise(problem: Problem) -> float | None:
     return float(np.linalg.norm(_noise_factor(observer, _root_gramian(observer))))
 
 
-def _along_one(
-    gains: _Affine, noise: _Affine, visible: NDArray[np.float64], budget: float
-) -> NDArray[np.float64] | None:
-    """One visible direction: a linear gain on the ball |F| <= budget, in closed form; None when t > 0 is out of reach.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Ball:
+    """The theta that keep the noise budget, as theta = centre + reach s with |s| <= 1."""
 
-    With F = f0 + F1 theta = f_rest + U s, f_rest orthogonal to U, the gain is largest for s along its gradient.
-    """
-    base, *steps = (float(visible[:, 0] @ gain @ visible[:, 0]) for gain in (gains.base, *gains.steps))
+    centre: NDArray[np.float64]
+    reach: NDArray[np.float64]
+
+
+def _within(noise: _Affine, budget: float) -> _Ball | None:
+    """With F = f0 + F1 theta = f_rest + U s, f_rest orthogonal to U, |F| <= budget is a ball; None: it is empty."""
     f0, F1 = noise.base.ravel(), noise.steps.reshape(len(noise.steps), -1).T
     left, values, right = np.linalg.svd(F1, full_matrices=False)
     kept = values > _VISIBLE * values[0]
-    left, values, right = left[:, kept], values[kept], right[kept]
-    centre = left.T @ f0
-    room = budget**2 - float(np.linalg.norm(f0 - left @ centre)) ** 2
-    gradient = (right @ np.array(steps)) / values
+    left, inverse = left[:, kept], right[kept].T / values[kept]
+    at = left.T @ f0
+    room = budget**2 - float(np.linalg.norm(f0 - left @ at)) ** 2
+    return None if room < 0.0 else _Ball(centre=-inverse @ at, reach=np.sqrt(room) * inverse)
+
+
+def _along_one(gains: _Affine, ball: _Ball, visible: NDArray[np.float64]) -> NDArray[np.float64] | None:
+    """One visible direction: a linear gain on a ball, largest along its gradient; None when t > 0 is out of reach."""
+    base, *steps = (float(visible[:, 0] @ gain @ visible[:, 0]) for gain in (gains.base, *gains.steps))
+    gradient = ball.reach.T @ np.array(steps)
     size = float(np.linalg.norm(gradient))
-    if room < 0.0 or not size > 0.0:
+    if not size > 0.0:
         return None
-    theta = right.T @ ((np.sqrt(room) * gradient / size - centre) / values)
+    theta = ball.centre + ball.reach @ (gradient / size)
     return theta if base + float(np.array(steps) @ theta) > 0.0 else None
 
 
-def _solve(gains: _Affine, noise: _Affine, visible: NDArray[np.float64], budget: float) -> NDArray[np.float64] | None:
-    """Solve the semidefinite programme; None when no theta gives t > 0."""
+def _solve(gains: _Affine, ball: _Ball, visible: NDArray[np.float64]) -> NDArray[np.float64] | Refusal | None:
+    """Solve the semidefinite programme in s; None when no theta gives t > 0.
+
+    A second solver of another kind (first order) is asked where the first (interior point) gives up.
+    """
     cp: Any = import_module("cvxpy")  # only this strategy pays for loading it; it has no types
-    theta, t = cp.Variable(len(gains.steps)), cp.Variable()
     pieces = np.array([visible.T @ step @ visible for step in (gains.base, *gains.steps)])
     pieces = (pieces + np.swapaxes(pieces, 1, 2)) / 2.0
-    size = visible.shape[1]
-    flat = pieces[1:].reshape(len(gains.steps), -1).T
-    gain = pieces[0] + cp.reshape(flat @ theta, (size, size), order="C")
-    spread = noise.base.ravel() + noise.steps.reshape(len(noise.steps), -1).T @ theta
-    held = cp.norm(spread / budget, 2) <= 1.0
-    programme = cp.Problem(cp.Maximize(t), [gain - t * np.eye(size) >> 0, held])
-    programme.solve(solver=cp.CLARABEL)
-    if theta.value is None or t.value is None or not float(t.value) > 0.0:
-        return None
-    return np.asarray(theta.value, dtype=np.float64)
+    base = pieces[0] + np.tensordot(ball.centre, pieces[1:], axes=1)
+    steps = np.tensordot(ball.reach.T, pieces[1:], axes=1)
+    scale = max(float(np.linalg.norm(base)), float(np.max(np.abs(steps), initial=0.0)), _TINY)
+    s, t, size = cp.Variable(len(steps)), cp.Variable(), visible.shape[1]
+    gain = base / scale + cp.reshape((steps / scale).reshape(len(steps), -1).T @ s, (size, size), order="C")
+    programme = cp.Problem(cp.Maximize(t), [gain - t * np.eye(size) >> 0, cp.norm(s, 2) <= 1.0])
+    for solver in (cp.CLARABEL, cp.SCS):
+        try:
+            programme.solve(solver=solver)
+        except cp.error.SolverError:
+            continue
+        if s.value is None or t.value is None:
+            continue
+        theta = ball.centre + ball.reach @ (s.value / max(1.0, float(np.linalg.norm(s.value))))
+        return np.asarray(theta, dtype=np.float64) if float(t.value) > _VISIBLE else None
+    return Refusal("max_sensitivity: the semidefinite programme is not solved (CLARABEL and SCS give up); use dual_lqr")
