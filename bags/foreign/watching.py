@@ -65,17 +65,16 @@ class StreamReader:
     delivered: Place | None
 
     def sample(self, row: Row) -> Sample:
-        """The received output; not delivered where any part of it is missing."""
+        """The received output; not delivered where any part of it is missing or no finite number."""
         places = (*self.y, *self.u, *([] if self.delivered is None else [self.delivered]))
         numbers: list[float] = []
         arrived = True
         for place in places:
             values = row.values[place.track]
             numbers.append(nan if values is None else place.value(values))
-            arrived = arrived and values is not None
+            arrived = arrived and isfinite(numbers[-1])
         if self.delivered is not None:
-            said = numbers.pop()
-            arrived = arrived and isfinite(said) and said != 0.0
+            arrived = numbers.pop() != 0.0 and arrived
         y, u = numbers[: len(self.y)], numbers[len(self.y) :]
         return Sample(y=padded(y, self.widths.outputs), delivered=arrived, u=padded(u, self.widths.inputs))
 
@@ -117,6 +116,17 @@ class StreamMonitors:
             following.append(after)
             found.append((sample, output._replace(estimate=padded(tuple(output.estimate), self.topics.widths.states))))
         return tuple(following), found
+
+    def not_finite(self, row: Row) -> list[FieldPath]:
+        """The fields that came with a row, and are no finite numbers."""
+        came = zip(self.fields.values(), row.values, strict=True)
+        return [
+            path
+            for paths, values in came
+            if values is not None
+            for path, value in zip(paths, values, strict=True)
+            if not isfinite(value)
+        ]
 
 
 def stream_monitors(mapping: Mapping, source: str, history: Path) -> StreamMonitors:

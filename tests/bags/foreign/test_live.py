@@ -118,6 +118,34 @@ def test_live_is_as_imported_and_replayed(
     assert expected.alarm.any()
 
 
+@pytest.mark.parametrize("odd", [np.nan, np.inf, -np.inf])
+def test_what_is_no_finite_number_is_not_delivered(
+    record: RunRecord, bag: Path, write_arrays: Callable[..., Path], tmp_path: Path, odd: float
+) -> None:
+    """A current that is NaN or infinite from 2 s on is missing, live as imported, and counted."""
+    messages = [(stamp, (y[0], odd if stamp >= 2 * SECOND else y[1], *y[2:])) for stamp, y in _messages(record)]
+    stamps, rows = zip(*messages, strict=True)
+    mapping = _mapping()
+    out = tmp_path / "stream"
+    report = import_streams(write_arrays({"/radio": (stamps, rows)}), mapping, out, bag)
+    expected = replay(out)
+    monitors, sampling = stream_monitors(mapping, "test", bag), live_sampling(mapping, 1, T)
+    state, states, step, told = sampling.init(), monitors.init(), 0, 0
+    for stamp, values in messages:
+        state, found = sampling.hear(state, Early(0, stamp, values), stamp)
+        for row in found:
+            odd_fields = [str(one) for one in monitors.not_finite(row)]
+            states, ((sample, output),) = monitors.step(states, row)
+            assert sample.delivered == expected.delivered[step, 0]
+            assert odd_fields == ["/radio.data[1]"] * (row.instant_ns >= 2 * SECOND and row.values[0] is not None)
+            assert not (odd_fields and sample.delivered)
+            np.testing.assert_array_equal(output.residual, expected.residual[step, 0])
+            told += len(odd_fields)
+            step += 1
+    assert told == sum(stamp >= 2 * SECOND for stamp in stamps) > 0
+    assert any(f"/radio.data[1]: {told} samples are no finite numbers" in one for one in report.sentences())
+
+
 def test_plants_of_two_states(write_arrays: Callable[..., Path], tmp_path: Path) -> None:
     """Whoever's plant it is: two states, two outputs, live as replayed; what a message cannot carry is NaN."""
     generator = np.random.default_rng(4)

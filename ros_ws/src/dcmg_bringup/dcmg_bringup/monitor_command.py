@@ -57,6 +57,8 @@ def monitor(
         typer.echo(json_module.dumps({**asdict(outcome), "bag": None if out is None else str(out)}))
         return
     typer.echo(f"{outcome.steps} samples, {outcome.alarms} alarm(s)", err=True)
+    for name, count in outcome.not_finite.items():
+        typer.echo(f"{name}: {count} samples are no finite numbers and count as missing", err=True)
     for count, what in (
         (outcome.missing, "samples are missing"),
         (outcome.late, "messages came too late or out of order and were dropped"),

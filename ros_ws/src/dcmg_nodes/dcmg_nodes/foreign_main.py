@@ -19,10 +19,10 @@ from dcmg_nodes.lifetime import Lifetime
 from dcmg_nodes.options import ExecutorKind
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Mapping
     from pathlib import Path
 
-    from bags.foreign.mapping import Mapping
+    from bags.foreign.mapping import Mapping as ForeignMapping
     from bags.foreign.watching import StreamMonitors
 
 _SIGNAL_CHECK_SEC = 0.1
@@ -35,7 +35,8 @@ class ForeignOutcome:
     Attributes:
         steps: samples taken.
         alarms: alarms that started.
-        missing: samples that did not come, on all links together.
+        missing: samples that did not come, or not as finite numbers, on all links together.
+        not_finite: by field, how many samples came that are no finite numbers.
         late: messages dropped because they came too late or out of order.
         irregular: messages at no instant of the grid, which count as missing.
         restarts: how often the stamps jumped.
@@ -44,13 +45,14 @@ class ForeignOutcome:
     steps: int
     alarms: int
     missing: int
+    not_finite: Mapping[str, int]
     late: int
     irregular: int
     restarts: int
 
 
 def watch_foreign_topics(
-    mapping: Mapping,
+    mapping: ForeignMapping,
     monitors: StreamMonitors,
     *,
     wait_sec: float,
@@ -98,13 +100,14 @@ def watch_foreign_topics(
         steps=node.step,
         alarms=node.alarms,
         missing=node.missing,
+        not_finite=node.not_finite,
         late=sampler.late if sampler else 0,
         irregular=sampler.irregular if sampler else 0,
         restarts=node.intake.state.restarts,
     )
 
 
-def _writer(out: Path, mapping: Mapping, monitors: StreamMonitors) -> BagWriter:
+def _writer(out: Path, mapping: ForeignMapping, monitors: StreamMonitors) -> BagWriter:
     """Open a bag with the histories and the mapping in it."""
     topics = monitors.topics
     histories = {one.dgu: topics.history(one.dgu) for one in monitors.histories}

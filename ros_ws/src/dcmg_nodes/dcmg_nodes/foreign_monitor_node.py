@@ -67,6 +67,7 @@ class ForeignMonitorNode:
         self._missed = [0] * len(topics.links)
         self._states = monitors.init()
         self.step, self.alarms, self.missing = 0, 0, 0
+        self.not_finite: dict[str, int] = {}
         for link, record in zip(topics.links, monitors.designs, strict=True):
             codec = topics.design(link)
             self._publish(codec.topic, codec.encode(record))
@@ -108,6 +109,8 @@ class ForeignMonitorNode:
         for slot, (sample, _) in enumerate(found):
             self._missed[slot] += not sample.delivered
             self.missing += not sample.delivered
+        for path in self._monitors.not_finite(row):
+            self.not_finite[str(path)] = self.not_finite.get(str(path), 0) + 1
         for codec, data in zip(self._received, received, strict=True):
             self._publish(codec.topic, data)
         for residual, output in zip(self._residuals, outputs, strict=True):
