@@ -122,14 +122,20 @@ def fixed_modes(acceptors: Acceptors) -> NDArray[np.complex128]:
     return modes.astype(np.complex128)
 
 
-def unobservable(A: NDArray[np.float64], C: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Orthonormal basis of the unobservable subspace of (A, C), by shrinking ker C to its largest A-invariant part."""
-    basis: NDArray[np.float64] = null_space(C, rcond=_HIDDEN) if len(C) else np.eye(len(A))
+def unobservable(A: NDArray[np.float64], C: NDArray[np.float64], tolerance: float = _HIDDEN) -> NDArray[np.float64]:
+    """Orthonormal basis of the unobservable subspace of (A, C), by shrinking ker C to its largest A-invariant part.
+
+    Args:
+        A: (n, n).
+        C: (p, n).
+        tolerance: how wrong A and (relative) C may be: what is seen by less is not seen.
+    """
+    basis: NDArray[np.float64] = null_space(C, rcond=tolerance) if len(C) else np.eye(len(A))
     while basis.shape[1]:
         leaving = A @ basis - basis @ (basis.T @ A @ basis)
         size = float(np.linalg.norm(leaving, 2))
-        # rounding grows from round to round: what leaves by less than _HIDDEN does not leave
-        kept = null_space(leaving, rcond=_HIDDEN / size) if size > _HIDDEN else np.eye(basis.shape[1])
+        # rounding grows from round to round: what leaves by less than the tolerance does not leave
+        kept = null_space(leaving, rcond=tolerance / size) if size > tolerance else np.eye(basis.shape[1])
         if kept.shape[1] == basis.shape[1]:
             return basis
         basis = basis @ kept

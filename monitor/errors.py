@@ -22,8 +22,3 @@ class OptionError(MonitorError):
         """Say it in a line of its own, for who has no settings to point into."""
         super().__init__(line)
         self.key, self.value, self.expected = key, value, expected
-
-
-def out_of_range(error: Exception) -> str:
-    """Reason of a refusal when the numbers of a history leave what double precision can hold."""
-    return f"the numbers leave double precision ({error}): excite every signal, record longer, or check for outliers"

@@ -15,13 +15,14 @@ import numpy as np
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
+from monitor.backstop import guarded
 from monitor.behaviour import identify_output
 from monitor.data_report import report_data
 from monitor.delayed.coordinates import represent, represent_behaviour, with_attacks
 from monitor.delayed.designing import DelayedOptions, Goal, Units, design_for, refuse
 from monitor.delayed.proving import Claim, prove_delayed
 from monitor.delayed.units import in_units
-from monitor.errors import HistoryError, MonitorError, out_of_range
+from monitor.errors import HistoryError, MonitorError
 from monitor.history import data_matrices
 from monitor.options import parse_options
 from monitor.proof import hold_back
@@ -81,11 +82,9 @@ def design(history: History, options: Mapping[str, object]) -> DelayedDesign:
 def design_chosen(history: History, chosen: HistoryOptions) -> DelayedDesign:
     """Design with options that are checked already."""
     try:
-        return _design(history, chosen)
+        return guarded(lambda: _design(history, chosen), lambda reason: refuse(KIND, reason))
     except HistoryError as error:
         return refuse(KIND, str(error))
-    except np.linalg.LinAlgError as error:
-        return refuse(KIND, out_of_range(error))
 
 
 def _design(history: History, chosen: HistoryOptions) -> DelayedDesign:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from monitor.delayed.designing import DelayedOptions, design_for
+from monitor.backstop import guarded
+from monitor.delayed.designing import DelayedOptions, design_for, refuse
 from monitor.options import parse_options
 
 if TYPE_CHECKING:
@@ -23,4 +24,7 @@ def design_from_model(model: Model, options: Mapping[str, object], sampling_peri
         MonitorError: an option that does not fit.
     """
     chosen = parse_options(DelayedOptions, options, KIND)
-    return design_for(KIND, model, chosen, sampling_period_sec, unit="an unknown input of norm 1")
+    return guarded(
+        lambda: design_for(KIND, model, chosen, sampling_period_sec, unit="an unknown input of norm 1"),
+        lambda reason: refuse(KIND, reason),
+    )

@@ -9,6 +9,7 @@ import numpy as np
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
+from monitor.backstop import guarded
 from monitor.distributed.gains import (
     NodeGains,
     assemble,
@@ -22,7 +23,7 @@ from monitor.distributed.node import NodeObserver
 from monitor.distributed.proving import held_back, prove_node, scales_of
 from monitor.distributed.report import DistributedDesign, DistributedReport
 from monitor.distributed.solution import NodeSolution, solve_node, undetectable
-from monitor.errors import MonitorError, out_of_range
+from monitor.errors import MonitorError
 from monitor.options import parse_options
 
 if TYPE_CHECKING:
@@ -74,10 +75,7 @@ def design(data: Sequence[Regressors], network: Network, options: Mapping[str, o
     report = DistributedReport(sampled=data[0].sampled, nodes=network.nodes, states=len(data[0].X))
     if reason := disconnected(network):
         return refused(reason, report, network)
-    try:
-        return _design(data, network, chosen, report)
-    except np.linalg.LinAlgError as error:
-        return refused(out_of_range(error), report, network)
+    return guarded(lambda: _design(data, network, chosen, report), lambda reason: refused(reason, report, network))
 
 
 def _design(
@@ -97,8 +95,14 @@ def _design(
         if not proofs[-1].holds:
             return refused(f"node {node + 1}: {proofs[-1].refusal()}", replace(report, **_figures(proofs)), network)
         solutions.append(found)
-    report = replace(report, **_figures(proofs))
-    return _in_units(design_network(solutions, network, chosen, report), scales, proofs)
+    made = design_network(solutions, network, chosen, replace(report, **_figures(proofs)))
+    for node, (gains, found) in enumerate(zip(made.gains, solutions, strict=False)):
+        seen, unseen = (each.in_units(scales[node].u, scales[node].y, scales[node].x) for each in parts[node])
+        proofs[node] = prove_node(found, seen, unseen, gains.L - gains.E @ gains.H)
+        if not proofs[node].holds:
+            reason = f"node {node + 1}, with its correction: {proofs[node].refusal()}"
+            return refused(reason, replace(report, **_figures(proofs)), network)
+    return _in_units(replace(made, report=replace(made.report, **_figures(proofs))), scales, proofs)
 
 
 def _figures(proofs: Sequence[Proof]) -> dict[str, Any]:
@@ -138,8 +142,11 @@ def design_network(
         node = 0 if leader is None else leader
         who = "no node can lead" if leader is None else f"node {node + 1} cannot lead"
         modes = ", ".join(f"{mode:.4g}" for mode in failing[node])
+        doubt = "" if solutions[node].exact else "; borderline: what noise alone shows is not seen"
         return refused(
-            f"{who}: condition (19) of D fails, for node {node + 1} at s = {modes} (undetectable)", report, network
+            f"{who}: condition (19) of D fails, for node {node + 1} at s = {modes} (undetectable{doubt})",
+            report,
+            network,
         )
     corrections = leading(solutions, leader, may_lead, sampled=report.sampled)
     if corrections is None:

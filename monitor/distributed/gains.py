@@ -16,8 +16,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import block_diag, solve_continuous_are
+from scipy.linalg import block_diag, null_space, solve_continuous_are
 
+from monitor.acceptor import unobservable
 from monitor.riccati import dual_lqr
 
 if TYPE_CHECKING:
@@ -56,15 +57,23 @@ class NodeGains:
 
 
 def leader_gain(solution: NodeSolution, *, sampled: bool) -> NDArray[np.float64] | None:
-    """Lt from the Riccati equation with weights I, I: T_x - Lt C is Hurwitz (Schur when sampled); None: not found."""
+    """Lt from the Riccati equation with weights I, I: T_x - Lt C is Hurwitz (Schur when sampled); None: not found.
+
+    Directions that C and C T_x show by less than their noise are left out: a gain there would amplify that noise.
+    """
+    hidden = unobservable(solution.T_x, solution.C, solution.tolerance)
+    seen = np.eye(len(solution.T_x)) if not hidden.size else null_space(hidden.T)
+    A, C = seen.T @ solution.T_x @ seen, solution.C @ seen
+    if not len(A):
+        return np.zeros_like(solution.T_y)
     if sampled:
-        return dual_lqr(solution.T_x, solution.C)
-    n, p = solution.T_x.shape[0], len(solution.C)
+        gain = dual_lqr(A, C)
+        return None if gain is None else np.asarray(seen @ gain)
     try:
-        gain = solve_continuous_are(solution.T_x.T, solution.C.T, np.eye(n), np.eye(p)) @ solution.C.T
+        gain = solve_continuous_are(A.T, C.T, np.eye(len(A)), np.eye(len(C))) @ C.T
     except (np.linalg.LinAlgError, ValueError):
         return None
-    return np.asarray(gain, dtype=np.float64)
+    return np.asarray(seen @ gain, dtype=np.float64)
 
 
 def leading(

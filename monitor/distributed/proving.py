@@ -70,13 +70,22 @@ def scales_of(data: Sequence[Regressors]) -> list[Scales]:
     return found
 
 
-def prove_node(solution: NodeSolution, seen: Regressors, unseen: Regressors) -> Proof:
-    """Hold what a node without error predicts, Xdot and y, against the columns that were held back."""
-    trials, before = _tried(solution, seen, unseen), _tried(solution, seen, seen)
+def prove_node(
+    solution: NodeSolution, seen: Regressors, unseen: Regressors, correction: NDArray[np.float64] | None = None
+) -> Proof:
+    """Hold what a node without error predicts, Xdot and y, against the columns that were held back.
+
+    Args:
+        solution: of the node.
+        seen: columns that it was found from.
+        unseen: columns that were held back.
+        correction: (n, p) Lt of the finished observer, which adds Lt (y - C x) to the prediction; None: 0.
+    """
+    Lt = np.zeros_like(solution.T_y) if correction is None else correction
+    trials, before = _tried(solution, Lt, seen, unseen), _tried(solution, Lt, seen, seen)
     size = _spread(seen.Xdot)
-    gain = float(
-        np.max(np.linalg.norm(np.hstack([solution.T_x, solution.T_u, solution.T_y]), axis=1) / size, initial=0.0)
-    )
+    answers = np.hstack([solution.T_x, solution.T_u, solution.T_y, Lt])
+    gain = float(np.max(np.linalg.norm(answers, axis=1) / size, initial=0.0))
     unknowns = len(seen.X) + len(seen.U) + solution.unknown_inputs
     allowed = rounding(_ROUNDING, gain, [trials])
     if not solution.exact:
@@ -85,15 +94,14 @@ def prove_node(solution: NodeSolution, seen: Regressors, unseen: Regressors) -> 
     return prove([trials], allowed, scales, spare_columns=seen.columns - unknowns, estimate="prediction")
 
 
-def _tried(solution: NodeSolution, seen: Regressors, data: Regressors) -> Trial:
-    predicted = solution.T_x @ data.X + solution.T_u @ data.U + solution.T_y @ data.Ydot
+def _tried(solution: NodeSolution, Lt: NDArray[np.float64], seen: Regressors, data: Regressors) -> Trial:
+    misfit = data.Y - solution.C @ data.X
+    predicted = solution.T_x @ data.X + solution.T_u @ data.U + solution.T_y @ data.Ydot + Lt @ misfit
     moved, shown = _spread(seen.Xdot)[:, None], _spread(seen.Y)[:, None]
     size = max(
         (float(np.max(np.abs(table), initial=0.0)) for table in (data.Xdot / moved, data.Y / shown)), default=1.0
     )
-    return Trial(
-        error=((data.Xdot - predicted) / moved).T, residual=((data.Y - solution.C @ data.X) / shown).T, size=size
-    )
+    return Trial(error=((data.Xdot - predicted) / moved).T, residual=(misfit / shown).T, size=size)
 
 
 def _spread(rows: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 _SPARE = 2  # columns beyond those that anything fits
 _EXACT = 1e-9  # relative: exact data leave rounding below it
 _CLEAR = 10.0  # noisy data must show the number of unknown inputs by a gap this large
+_NOISE_SAFETY = 3.0  # times what noise may have moved
+_TILTED = 0.1  # relative: more than this is seen, whatever the noise
 _KNOWN = 3.0  # or this large when the number is given
 
 
@@ -33,6 +35,7 @@ class NodeSolution:
         start: (n,) mean state of the data, where estimates start.
         misfit: |Xdot - T_x X - T_u U - T_y Ydot| / |Xdot|.
         exact: the data carry rounding only.
+        tolerance: how far noise may have moved T_x, and C relative to its size.
     """
 
     T_x: NDArray[np.float64]
@@ -43,6 +46,7 @@ class NodeSolution:
     start: NDArray[np.float64]
     misfit: float
     exact: bool = True
+    tolerance: float = _EXACT
 
 
 def solve_node(data: Regressors, unknown_inputs: int | None) -> NodeSolution | str:
@@ -94,18 +98,26 @@ def solve_node(data: Regressors, unknown_inputs: int | None) -> NodeSolution | s
         start=np.mean(data.X, axis=1),
         misfit=float(np.linalg.norm(misfit) / np.linalg.norm(data.Xdot)),
         exact=noise == 0.0,
+        tolerance=_moved(misfit, known, 0.0 if noise == 0.0 else noise * float(np.linalg.norm(T_x, 2)) * bool(r)),
     )
 
 
 def undetectable(solution: NodeSolution, *, sampled: bool) -> NDArray[np.complex128]:
     """Values s in the unstable region at which (19), rank [s X - Xdot; U; Y] = n + m + r, fails; empty: may lead.
 
-    They are the unobservable modes of (T_x, C) there.
+    They are the unobservable modes of (T_x, C) there; what only noise makes observable is not.
     """
-    hidden = unobservable(solution.T_x, solution.C)
+    hidden = unobservable(solution.T_x, solution.C, solution.tolerance)
     modes = np.linalg.eigvals(hidden.T @ solution.T_x @ hidden) if hidden.size else np.zeros(0)
     unstable = np.abs(modes) >= 1.0 - _EXACT if sampled else modes.real >= -_EXACT
     return modes[unstable].astype(np.complex128)
+
+
+def _moved(misfit: NDArray[np.float64], known: NDArray[np.float64], tilt: float) -> float:
+    """How far T_x may be off: by the noise of the fit against the weakest excitation, and by the tilt of T_y."""
+    weakest = float(np.linalg.svd(known, compute_uv=False)[-1])
+    fitted = float(np.linalg.norm(misfit)) / weakest if weakest > 0.0 else np.inf
+    return min(max(_EXACT, _NOISE_SAFETY * (fitted + tilt)), _TILTED)
 
 
 def _row_space(known: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -5,10 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import TYPE_CHECKING
 
-import numpy as np
-
+from monitor.backstop import guarded
 from monitor.carrying import RUNNING, parsed, running_document, running_observer
-from monitor.errors import HistoryError, out_of_range
+from monitor.errors import HistoryError
 from monitor.history import sent_outputs
 from monitor.input_estimators import delayed, one_step, uie
 from monitor.input_estimators.linear_estimator import LinearInputEstimator
@@ -42,11 +41,9 @@ def design(kind: str, history: History, options: Mapping[str, object]) -> Estima
         return _refused(kind, "the history does not say which inputs were applied (d): record them")
     try:
         sent, channels = sent_outputs(history)
-        made = KINDS[kind](sent, options)
+        made = guarded(lambda: KINDS[kind](sent, options), lambda reason: _refused(kind, reason))
     except HistoryError as error:
         return _refused(kind, str(error))
-    except np.linalg.LinAlgError as error:
-        return _refused(kind, out_of_range(error))
     numbers: Mapping[str, object] = made.numbers
     if isinstance(made.estimator, LinearInputEstimator):
         running = running_document(made.estimator.realisation)

@@ -10,8 +10,9 @@ import numpy as np
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
+from monitor.backstop import guarded
 from monitor.certificate import Certificate
-from monitor.errors import HistoryError, MonitorError, out_of_range
+from monitor.errors import HistoryError, MonitorError
 from monitor.input_reconstruction.proving import Claim, prove_inputs
 from monitor.input_reconstruction.realisation import Gains, realise
 from monitor.input_reconstruction.report import InputDesign, InputReport
@@ -117,10 +118,8 @@ def design(kind: str, history: History, options: Mapping[str, object]) -> InputD
     if kind not in {OPEN_LOOP, CLOSED_LOOP}:
         raise MonitorError(f"input reconstruction is {kind!r}, expected one of {CLOSED_LOOP}, {OPEN_LOOP}")
     chosen = parse_options(InputOptions, options, kind)
-    try:
-        return _design(kind, history, chosen)
-    except np.linalg.LinAlgError as error:
-        return _refused(kind, InputReport(past=chosen.past or 0, delay=0, columns=0, dropped=0), out_of_range(error))
+    nothing = InputReport(past=chosen.past or 0, delay=0, columns=0, dropped=0)
+    return guarded(lambda: _design(kind, history, chosen), lambda reason: _refused(kind, nothing, reason))
 
 
 def _design(kind: str, history: History, chosen: InputOptions) -> InputDesign:

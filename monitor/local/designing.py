@@ -9,9 +9,10 @@ import numpy as np
 from pydantic import ConfigDict, Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
+from monitor.backstop import guarded
 from monitor.carrying import parsed
 from monitor.certificate import Certificate, DataReport
-from monitor.errors import HistoryError, out_of_range
+from monitor.errors import HistoryError
 from monitor.history import Experiment
 from monitor.observers.linear_observer import LinearObserver
 from monitor.observers.trials import try_observer
@@ -116,14 +117,16 @@ def design(history: History, neighbours: int, options: Mapping[str, object]) -> 
     """
     parsed = parse_options(LocalOptions, options, KIND)
     try:
-        split = hold_back(_known(history, neighbours))
-        spread = spreads(split.seen)
-        norm = norms(split.seen, spread)
-        return _accept(_Fitted(split=split, spread=spread, norm=norm, fit=_fit(norm.scaled(split.seen))), parsed)
+        return guarded(lambda: _design(history, neighbours, parsed), refused)
     except HistoryError as error:
         return refused(str(error))
-    except np.linalg.LinAlgError as error:
-        return refused(out_of_range(error))
+
+
+def _design(history: History, neighbours: int, parsed: LocalOptions) -> LocalDesign:
+    split = hold_back(_known(history, neighbours))
+    spread = spreads(split.seen)
+    norm = norms(split.seen, spread)
+    return _accept(_Fitted(split=split, spread=spread, norm=norm, fit=_fit(norm.scaled(split.seen))), parsed)
 
 
 def refused(reason: str) -> LocalDesign:

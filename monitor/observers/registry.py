@@ -6,15 +6,17 @@ from dataclasses import replace
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
+from monitor.backstop import guarded
+from monitor.certificate import Certificate
 from monitor.history import sent_outputs
 from monitor.observers import full_order, reduced_order
+from monitor.observers.protocol import Design
 from monitor.options import check_kind
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
 
     from monitor.history import History
-    from monitor.observers.protocol import Design
 
 
 def _of(module: str, name: str = "design") -> Callable[[History, Mapping[str, object]], Design]:
@@ -47,4 +49,10 @@ def design(kind: str, history: History, options: Mapping[str, object]) -> Design
     """
     check_kind("observer", kind, KINDS)
     sent, channels = sent_outputs(history)
-    return replace(KINDS[kind](sent, options), channels=channels)
+    made = guarded(lambda: KINDS[kind](sent, options), lambda reason: _refused(kind, reason))
+    return replace(made, channels=channels)
+
+
+def _refused(kind: str, reason: str) -> Design:
+    certificate = Certificate(kind=kind, accepted=False, verdict=f"refused: {reason}")
+    return Design(kind=kind, observer=None, certificate=certificate)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monitor import detectors
+from monitor.backstop import guarded
 from monitor.carrying import RUNNING, parsed
 from monitor.distributed import DistributedReport, design, sampled
 from monitor.distributed.gains import error_dynamics, lie_response, stability
@@ -153,9 +154,17 @@ def design_team(plan: TeamPlan, history: History) -> TeamDesign:
     if plan.chi is not None:
         options["chi"] = plan.chi
     made = design(data, plan.network, options)
+    report = TeamReport(members=plan.members, structure=plan.structure, network=made.report)
     if not made.accepted:
-        report = TeamReport(members=plan.members, structure=plan.structure, network=made.report)
         return _team(plan, _named(made.verdict, plan), report, channels, ())
+    return guarded(
+        lambda: _measured(plan, made, channels),
+        lambda reason: _team(plan, f"refused: {reason}", report, channels, ()),
+    )
+
+
+def _measured(plan: TeamPlan, made: DistributedDesign, channels: Sequence[tuple[int, ...]]) -> TeamDesign:
+    """An accepted network as a team, with what every phase and every lie does to it."""
     phases = tuple(_phase(plan, made, step) for step in plan.changes())
     report = TeamReport(
         members=plan.members,
