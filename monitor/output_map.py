@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 _ROUNDED = 1e2  # a misfit below this many times what double precision leaves is rounding
 _NOISY = 0.5  # half of what moves in an output is explained by nothing
 _DRIVEN = 0.1  # less than a tenth of the misfit is left once the next state is known: an unknown input made it
+_ALIKE = 1e-9  # relative: signals that are combinations of one another but for rounding
 _SPARE = 4  # columns beyond the directions that this question needs, at least
 _NEGLIGIBLE = 3.0  # standard errors: a coefficient below may be zero
 
@@ -161,7 +162,19 @@ def _kinds(
         before, after = (float(np.linalg.norm(rest)) for rest in (mine, unexplained))
         if after * np.sqrt(free / (free - len(moved))) <= _DRIVEN * before:
             kinds[row] = Misfit.UNKNOWN_INPUT
+    noisy = np.array([kind is Misfit.NOISE for kind in kinds])
+    if len(moved) < len(states.rest) and _dependent(left[noisy] / spread[noisy, None]):
+        return [Misfit.UNKNOWN_INPUT if kind is Misfit.NOISE else kind for kind in kinds]
     return kinds
+
+
+def _dependent(rest: NDArray[np.float64]) -> bool:
+    """Whether fewer signals than outputs make up what is left of exact data: sensors' noise is never that much alike.
+
+    Unknown inputs that reach outputs and no state are found so.
+    """
+    values = np.linalg.svd(rest, compute_uv=False)
+    return len(values) > 1 and bool(values[-1] <= _ALIKE * values[0])
 
 
 def _spread(rows: NDArray[np.float64]) -> NDArray[np.float64]:

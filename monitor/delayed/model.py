@@ -40,7 +40,7 @@ class Model:
         for name, shape in expected.items():
             if getattr(self, name).shape != shape:
                 raise MonitorError(f"{name} has shape {getattr(self, name).shape}, expected {shape}")
-        rank = int(np.linalg.matrix_rank(self.G)) if q else 0
+        rank = int(np.linalg.matrix_rank(_balanced(self.G))) if q else 0
         if rank < q:
             raise MonitorError(f"[B; D] has rank {rank}, expected {q}: leave out unknown inputs that act alike")
 
@@ -48,6 +48,14 @@ class Model:
     def G(self) -> NDArray[np.float64]:  # noqa: N802 - the symbol of the paper
         """[B; D], (n + p, q)."""
         return np.vstack([self.B, self.D])
+
+
+def _balanced(G: NDArray[np.float64]) -> NDArray[np.float64]:
+    """G with rows, then columns of largest entry 1: whether its columns are independent is no matter of units."""
+    for axis in (1, 0):
+        size = np.max(np.abs(G), axis=axis, keepdims=True)
+        G = G / np.where(size > 0.0, size, 1.0)
+    return G
 
 
 def model_of(

@@ -22,7 +22,7 @@ from monitor.distributed.gains import (
 from monitor.distributed.node import NodeObserver
 from monitor.distributed.proving import held_back, prove_node, scales_of
 from monitor.distributed.report import DistributedDesign, DistributedReport
-from monitor.distributed.solution import NodeSolution, solve_node, undetectable
+from monitor.distributed.solution import NodeSolution, shows_rounding_only, solve_node, undetectable
 from monitor.errors import MonitorError
 from monitor.options import parse_options
 
@@ -57,6 +57,7 @@ class DistributedOptions:
 
 
 _MARGIN = 1.1  # times the bound (13)
+_ROUNDING = 1e-9  # relative: a radius this near 1, or an abscissa this near 0, is no decay
 
 
 def design(data: Sequence[Regressors], network: Network, options: Mapping[str, object]) -> DistributedDesign:
@@ -83,12 +84,14 @@ def _design(
 ) -> DistributedDesign:
     parts = [held_back(one) for one in data]
     scales = scales_of([seen for seen, _ in parts])
+    exact = [one for one, _ in parts if shows_rounding_only(one)]
     solutions: list[NodeSolution] = []
     proofs: list[Proof] = []
     for node, (one, own) in enumerate(zip(parts, scales, strict=True)):
         known = None if chosen.unknown_inputs is None else chosen.unknown_inputs[node]
         seen, unseen = (each.in_units(own.u, own.y, own.x) for each in one)
-        found = solve_node(seen, known)
+        certain = any(_same_record(one[0], other) for other in exact)
+        found = solve_node(seen, known, exact=certain)
         if isinstance(found, str):
             return refused(f"node {node + 1}: {found}", report, network)
         proofs.append(prove_node(found, seen, unseen))
@@ -103,6 +106,10 @@ def _design(
             reason = f"node {node + 1}, with its correction: {proofs[node].refusal()}"
             return refused(reason, replace(report, **_figures(proofs)), network)
     return _in_units(replace(made, report=replace(made.report, **_figures(proofs))), scales, proofs)
+
+
+def _same_record(one: Regressors, other: Regressors) -> bool:
+    return np.array_equal(one.X, other.X) and np.array_equal(one.Xdot, other.Xdot)
 
 
 def _figures(proofs: Sequence[Proof]) -> dict[str, Any]:
@@ -154,9 +161,10 @@ def design_network(
     bound = None if report.sampled or leader is None else coupling_bound(solutions, network, leader)
     chi = options.chi or _coupling(solutions, network, leader, corrections, bound)
     gains = tuple(assemble(solutions, leader, corrections, chi))
-    reached = stability(error_dynamics(gains, network), sampled=report.sampled)
+    dynamics = error_dynamics(gains, network)
+    reached = stability(dynamics, sampled=report.sampled)
     report = replace(report, leader=leader, chi=chi, chi_bound=bound, stability=reached)
-    if reached >= (1.0 if report.sampled else 0.0):
+    if reached >= (1.0 - _ROUNDING if report.sampled else -_ROUNDING * float(np.linalg.norm(dynamics, 2))):
         limit = "spectral radius" if report.sampled else "spectral abscissa"
         hint = "" if bound is None else f", D (13) asks for chi > {bound:.4g}"
         return refused(f"chi = {chi:.4g} leaves the {limit} of the errors at {reached:.4g}{hint}", report, network)
@@ -226,7 +234,8 @@ def _coupling(
     """Coupling when none is asked for."""
     if bound is None:
         return best_coupling(solutions, network, leader, corrections)
-    return _MARGIN * bound if bound > 0.0 else 1.0  # (13) allows any positive coupling then
+    rounding = _ROUNDING * max(float(np.linalg.norm(one.T_x, 2)) for one in solutions)
+    return _MARGIN * bound if bound > rounding else 1.0  # (13) allows any positive coupling then
 
 
 def _check(data: Sequence[Regressors], network: Network, options: DistributedOptions) -> None:

@@ -17,6 +17,8 @@ if TYPE_CHECKING:
 _SPARE = 2  # columns beyond those that anything fits
 _EXACT = 1e-9  # relative: exact data leave rounding below it
 _CLEAR = 10.0  # noisy data must show the number of unknown inputs by a gap this large
+_ALONE = 100.0  # or this large where what lies below it does not look like noise
+_ALIKE = 3.0  # two or more values of noise lie within this factor
 _NOISE_SAFETY = 3.0  # times what noise may have moved
 _TILTED = 0.1  # relative: more than this is seen, whatever the noise
 _KNOWN = 3.0  # or this large when the number is given
@@ -49,7 +51,7 @@ class NodeSolution:
     tolerance: float = _EXACT
 
 
-def solve_node(data: Regressors, unknown_inputs: int | None) -> NodeSolution | str:
+def solve_node(data: Regressors, unknown_inputs: int | None, *, exact: bool = False) -> NodeSolution | str:
     """Solve (20) for one node, or say which condition fails.
 
     With Pi the projector that removes X and U, Xdot Pi = Bbar W Pi and Ydot Pi = C Bbar W Pi, so the leading r left
@@ -59,6 +61,7 @@ def solve_node(data: Regressors, unknown_inputs: int | None) -> NodeSolution | s
     Args:
         data: the node's data matrices.
         unknown_inputs: r, if it is known.
+        exact: the record is known to carry rounding only: all that moves is unknown inputs.
     """
     n, m = len(data.X), len(data.U)
     needed = n + m + 1 + _SPARE
@@ -72,7 +75,7 @@ def solve_node(data: Regressors, unknown_inputs: int | None) -> NodeSolution | s
     left = whole - (whole @ row_space.T) @ row_space
     size = _sizes(whole)[:, None]
     directions, values, _ = np.linalg.svd(left / size, full_matrices=False)
-    r, noise = _count(values, float(np.linalg.norm(whole / size, 2)), unknown_inputs, n)
+    r, noise = _count(values, float(np.linalg.norm(whole / size, 2)), unknown_inputs, n, exact=exact)
     if r is None:
         listed = ", ".join(f"{value:.2g}" for value in values[: n + 1])
         expected = "a clear gap" if unknown_inputs is None else f"{unknown_inputs} unknown inputs"
@@ -102,6 +105,16 @@ def solve_node(data: Regressors, unknown_inputs: int | None) -> NodeSolution | s
     )
 
 
+def shows_rounding_only(data: Regressors) -> bool:
+    """Whether known inputs and fewer unknown ones than states explain Xdot but for rounding, which noise prevents."""
+    known = np.vstack([data.U, data.X])
+    row_space = _row_space(known)
+    size = _sizes(data.Xdot)[:, None]
+    values = np.linalg.svd((data.Xdot - (data.Xdot @ row_space.T) @ row_space) / size, compute_uv=False)
+    moved = int(np.count_nonzero(values > _EXACT * float(np.linalg.norm(data.Xdot / size, 2))))
+    return moved < len(data.X) and data.columns >= len(known) + moved + _SPARE
+
+
 def undetectable(solution: NodeSolution, *, sampled: bool) -> NDArray[np.complex128]:
     """Values s in the unstable region at which (19), rank [s X - Xdot; U; Y] = n + m + r, fails; empty: may lead.
 
@@ -128,10 +141,12 @@ def _row_space(known: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.asarray(right[: int(np.count_nonzero(values > _EXACT * np.max(values, initial=_EXACT)))])
 
 
-def _count(values: NDArray[np.float64], scale: float, known: int | None, n: int) -> tuple[int | None, float]:
+def _count(
+    values: NDArray[np.float64], scale: float, known: int | None, n: int, *, exact: bool
+) -> tuple[int | None, float]:
     """Number r of directions that unknown inputs move, and the first value beyond it relative to the last kept."""
     seen = int(np.count_nonzero(values > _EXACT * scale))
-    if seen < min(n, len(values)) and (known is None or known == seen):
+    if (seen < min(n, len(values)) or (exact and seen == n)) and (known is None or known == seen):
         return seen, 0.0  # outputs that copy states leave rank n even of pure noise, so n proves nothing
     possible = [known] if known is not None else list(range(1, n))
     possible = [one for one in possible if 0 < one < min(len(values), seen + 1)]
@@ -139,7 +154,9 @@ def _count(values: NDArray[np.float64], scale: float, known: int | None, n: int)
         return (0, 1.0) if known == 0 else (None, 1.0)
     gaps = [float(values[one - 1] / max(values[one], _EXACT * scale)) for one in possible]
     best = int(np.argmax(gaps))
-    if gaps[best] < (_CLEAR if known is None else _KNOWN):
+    below = values[possible[best] : n]
+    clear = _CLEAR if len(below) > 1 and below[0] <= _ALIKE * below[-1] else _ALONE
+    if gaps[best] < (clear if known is None else _KNOWN):
         return None, 1.0
     return possible[best], 1.0 / gaps[best]
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monitor.input_estimators import design
+from monitor.proof import hold_back
 from tests.fuzz.fresh import fresh_run, linear_of, misfit, outputs_of, steps_for
 from tests.fuzz.judge import Outcome, Result, acceptance, refusal
 from tests.fuzz.observers import LARGE, generator_of, unless_like_noise
@@ -118,7 +119,9 @@ def _bounded(
         return Outcome.WRONG, f"unstable: {made.verdict}"
     if plant.radius > 0.999 or radius > 0.96 or recording.quality in {"noise", "single"}:
         return Outcome.OPEN, f"bound not tried: {made.verdict}"
-    recorded = np.vstack([d for _, _, d in recording.tables])
+    # the bound is stated for inputs like those that the design has seen, not like those that were held back
+    seen = hold_back(recording.history, max(estimator.lag, 1)).seen.experiments
+    recorded = np.vstack([one.d[np.isfinite(one.d).all(axis=1)] for one in seen]) / recording.units.d
     reach, mean = np.max(np.abs(recorded - recorded.mean(axis=0)), axis=0), recorded.mean(axis=0)
     largest = float(np.max(np.linalg.norm((recorded - mean) / reach, axis=1)))
     d = mean + reach * largest / np.sqrt(len(reach)) * np.sign(generator.uniform(-1.0, 1.0, (_STEPS, len(reach))))
