@@ -175,3 +175,23 @@ def test_an_output_that_follows_nothing_is_refused_with_the_figure() -> None:
     verdict = design("full_order", single(np.zeros((60, 0)), y, x, 0.1), {}).verdict
     assert "y[1] = C x + D u leaves" in verdict
     assert "% of its spread unexplained" in verdict
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("kind", KINDS)
+def test_an_input_that_reaches_outputs_alone_is_no_noise(kind: str, seed: int) -> None:
+    """It moves no state, and every output in proportion: found as an unknown input, and the estimate is exact."""
+    generator = np.random.default_rng(seed)
+    A = generator.standard_normal((3, 3))
+    plant = General(
+        A=0.6 * A / np.max(np.abs(np.linalg.eigvals(A))),
+        B=generator.standard_normal((3, 1)),
+        C=generator.standard_normal((5, 3)),
+        D=np.zeros((5, 1)),
+        E=np.hstack([generator.standard_normal((3, 1)), np.zeros((3, 1))]),
+        G=np.hstack([np.zeros((5, 1)), 0.3 * generator.standard_normal((5, 1))]),
+    )
+    made = design(kind, History((plant.experiment(generator, 80),), 0.1), FAST)
+    assert made.accepted, made.verdict
+    assert made.certificate.proof is not None
+    assert (made.certificate.proof.worst_error or 0.0) < 1e-9

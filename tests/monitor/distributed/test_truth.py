@@ -8,7 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from monitor.distributed import DistributedDesign, Regressors, derivatives, design, ring
+from monitor.distributed import DistributedDesign, Regressors, derivatives, design, linked, ring
+from monitor.distributed.gains import leader_gain
+from monitor.distributed.solution import solve_node, undetectable
 
 Floats = NDArray[np.float64]
 NODES, N = 4, 4
@@ -77,3 +79,42 @@ def test_too_few_columns_are_refused_with_how_many_it_takes() -> None:
     """What is left beside the held-back columns must exceed what anything fits."""
     data = [one.part(0, 9) for one in data_of(3, sampled=True)]
     assert "7 columns, expected at least 8" in design(data, ring(NODES), {}).verdict
+
+
+def watched(seed: int, *, sampled: bool, noise: float, states: int = 4, unknown: int = 2) -> Regressors:
+    """A node with as many outputs as unknown inputs: C (I - H C) = 0, so that noise alone shows ker C to it."""
+    generator = np.random.default_rng(seed)
+    A = 0.2 * generator.standard_normal((states, states)) - (0.0 if sampled else 1.0) * np.eye(states)
+    B, C = (generator.standard_normal(shape) for shape in ((states, unknown), (unknown, states)))
+    x, d = generator.uniform(-1.0, 1.0, (60, states)), generator.uniform(-1.0, 1.0, (60, unknown))
+    dot = x @ A.T + d @ B.T
+    X, Xdot, Y, Ydot = (
+        table + noise * generator.standard_normal(table.shape) for table in (x, dot, x @ C.T, dot @ C.T)
+    )
+    return replace(derivatives(np.zeros((60, 0)), Y, X, Ydot, Xdot), sampled=sampled, comparable=False)
+
+
+@pytest.mark.parametrize("sampled", [False, True])
+@pytest.mark.parametrize("noise", [1e-7, 1e-5, 1e-3])
+def test_a_leader_amplifies_no_noise(sampled: bool, noise: float) -> None:  # noqa: FBT001 - parametrised
+    """What only noise makes observable gets no gain: refused as undetectable, or led with a gain of ordinary size."""
+    for seed in range(12):
+        found = solve_node(watched(seed, sampled=sampled, noise=noise), 2)
+        if isinstance(found, str) or len(undetectable(found, sampled=sampled)):
+            continue
+        gain = leader_gain(found, sampled=sampled)
+        assert gain is not None
+        assert np.linalg.norm(gain, 2) < 1e2 * (1.0 + np.linalg.norm(found.T_x, 2))
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_exact_records_tell_a_node_whose_states_are_all_moved(seed: int) -> None:
+    """As many unknown inputs as states, one of them a thousandth: another node's record shows that it is no noise."""
+    generator = np.random.default_rng(seed)
+    A, B = generator.standard_normal((2, 2)) - 2.0 * np.eye(2), np.diag([1.0, 10.0 ** generator.uniform(-3.0, -1.0)])
+    x, u = generator.uniform(-1.0, 1.0, (40, 2)), generator.uniform(-1.0, 1.0, (40, 2))
+    dot = x @ A.T + u @ B.T
+    data = [derivatives(known, x, x, dot, dot) for known in (u[:, :1], u[:, :0])]
+    made = design(data, linked(2, [(0, 1)]), {})
+    assert made.report.unknown_inputs == (1, 2), made.verdict
+    assert max(made.report.unseen_error) < 1e-9
