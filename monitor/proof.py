@@ -26,6 +26,7 @@ _WHOLE = 4  # from so many experiments on whole ones are held back, else the tai
 _EXACT = 1e-6  # shares of the spread: an error above is not exact, however ill the history is conditioned
 _PEAKS = 3.0  # rounding to few digits grows with the signal: it is no Gaussian noise, and its peaks fall anywhere
 _LOST = 1e4  # the algebra of a design, ill conditioned as the plant is, loses four digits more than the samples
+_USELESS = 0.5  # shares of the spread: an estimate further off is hardly better than the mean of the history
 _WORTHLESS = 1.0  # shares of the spread: an error as large as all that moves is allowed by no noise
 _SIGMAS = 6.0  # Gaussian noise crosses it in two samples of a billion
 
@@ -205,8 +206,8 @@ def noise(seen: Sequence[Trial], unknowns: int, exact: Allowance, stated: Allowa
         levels = [np.maximum(levels[0], _SIGMAS * stated.error), np.maximum(levels[1], _SIGMAS * stated.residual)]
         basis = f"{basis} or {stated.basis}"
     error, residual = (
-        np.minimum(np.maximum(level, least), _WORTHLESS)
-        for level, least in zip(levels, (exact.error, exact.residual), strict=True)
+        np.minimum(np.maximum(level, least), most)
+        for level, least, most in zip(levels, (exact.error, exact.residual), (_USELESS, _WORTHLESS), strict=True)
     )
     return Allowance(error=error, residual=residual, basis=basis)
 

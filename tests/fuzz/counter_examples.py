@@ -87,6 +87,7 @@ MENDED: tuple[tuple[str, int], ...] = (
     ("full_order/minimum_norm", 102125),
     ("full_order/minimum_norm", 103118),
     ("full_order/minimum_norm", 103125),
+    ("full_order/minimum_norm", 720003122),
     ("full_order/pole_placement", 100142),
     ("full_order/pole_placement", 100147),
     ("full_order/pole_placement", 102259),
