@@ -149,4 +149,11 @@ MENDED: tuple[tuple[str, int], ...] = (
 )
 
 # Known and not yet mended: `make test` does not fail for them, `make fuzz` does.
-OPEN: frozenset[tuple[str, int]] = frozenset()
+OPEN: frozenset[tuple[str, int]] = frozenset(
+    {
+        ("full_order/minimum_norm", 730002003),
+        ("full_order/pole_placement", 103000),
+        ("full_order/pole_placement", 700007374),
+        ("reduced_order/pole_placement", 730001290),
+    }
+)
