@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from functools import cache
+from functools import cache, lru_cache
 from pathlib import Path
 from typing import Any, TypeAlias, final
 
@@ -70,16 +70,39 @@ def decoder_of(definition: Definition, others: "Types | None" = None) -> Decoder
     """
     if definition.encoding not in {CDR, ROS1}:
         raise BagError(f"its messages are encoded as {definition.encoding or 'nothing'!r}, expected {CDR}")
-    types = _types(definition, others or {})
+    types, store = _of_itself(definition) if not others else _with_store(definition, others)
+    if not definition.text:
+        _check_hash(definition, store.hash_rihs01)
+    return _decoder(definition, types, store)
+
+
+def hash_of(definition: Definition) -> str:
+    """RIHS01 hash of a type as a definition has it.
+
+    Raises:
+        BagError: The definition cannot be read.
+    """
+    return str(_of_itself(definition)[1].hash_rihs01(definition.type_name))
+
+
+@lru_cache(maxsize=1000)
+def _of_itself(definition: Definition) -> tuple[Mapping[str, Any], Any]:
+    return _with_store(definition, {})
+
+
+def _with_store(definition: Definition, others: Types) -> tuple[Mapping[str, Any], Any]:
+    types = _types(definition, others)
+    return types, _store(definition, types)
+
+
+def _store(definition: Definition, types: Mapping[str, Any]) -> Any:  # noqa: ANN401 - of rosbags
     try:
         store = get_typestore(Stores.EMPTY)
         store.register(dict(types))
         store.get_msgdef(definition.type_name)
     except Exception as error:  # rosbags raises whatever a definition leads to
         raise BagError(f"its definition of {definition.type_name} cannot be used ({_reason(error)})") from error
-    if not definition.text:
-        _check_hash(definition, store.hash_rihs01)
-    return _decoder(definition, types, store)
+    return store
 
 
 def types_in(definition: Definition) -> dict[str, Any]:

@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any, final
 
 import numpy as np
-import yaml
 from mcap.opcode import Opcode
 from mcap.records import Channel, Schema
 from mcap.well_known import Profile
@@ -28,6 +27,7 @@ from bags.mcap.mcap_file import McapFile
 from bags.mcap.messages import MessageTable, walk
 from bags.mcap.metadata import ROS_DISTRO, BagInfo, FileEntry, TopicEntry, write_metadata
 from bags.mcap.packing import Compression
+from bags.mcap.proving import Doubts, Proofs, schema_fault_of, with_sound_metadata
 from bags.mcap.scan import Fault, Messages, survey
 from bags.mcap.summary_section import SummarySection, summary_of
 from bags.mcap.trusted import channel_fault, told_types, verified_schema
@@ -82,18 +82,14 @@ def repair(path: Path, out: Path) -> RepairReport:
         raise BagError(f"{out}: exists already, expected the path of a bag to be made")
     information = read_information(path) if path.is_dir() else {}
     told = told_types(information)
-    jobs = [_File(told=told) for _ in files]
+    jobs: list[_File] = []
     damages: list[Damage] = []
     try:
         out.mkdir(parents=True)
         entries: list[FileEntry] = []
-        for job, file in zip(jobs, files, strict=True):
+        for file in files:
             last = file == files[-1]
-            base = start_of(file)
-            if base:
-                job.faults.append(Fault(start=0, what=f"{base} bytes stand in front of the file"))
-            with FileBytes(file, base) as source:
-                job.copy(source, out / file.name)
+            job = _copied(file, out / file.name, told, jobs)
             start_ns, end_ns = job.target.time_range_ns
             count = sum(job.target.counts.values())
             entries.append(FileEntry(name=file.name, start_ns=start_ns, end_ns=end_ns, count=count))
@@ -118,13 +114,39 @@ def repair(path: Path, out: Path) -> RepairReport:
     )
 
 
+def _copied(file: Path, path: Path, told: Mapping[str, str], jobs: "list[_File]") -> "_File":
+    """Copy a file, once more without what turned out to be no description of its messages.
+
+    Args:
+        file: The damaged one.
+        path: The new one.
+        told: Type of each topic as metadata.yaml says.
+        jobs: Copies are noted here as soon as they are begun.
+    """
+    base = start_of(file)
+    doubts = Doubts()
+    while True:
+        job = _File(told=told, doubts=doubts)
+        jobs.append(job)
+        if base:
+            job.faults.append(Fault(start=0, what=f"{base} bytes stand in front of the file"))
+        with FileBytes(file, base) as source:
+            job.copy(source, path)
+        if not job.proofs.found:
+            return job
+        doubts = doubts.and_those_of(job.proofs.found)
+        job.close()
+        jobs.remove(job)
+        path.unlink()
+
+
 def _information(files: list[FileEntry], jobs: "list[_File]", old: Mapping[str, Any]) -> BagInfo:
     counts: dict[str, int] = {}
     channels: dict[str, tuple[Channel, str]] = {}
     for job in jobs:
         for channel_id, channel in job.channels.items():
             schema = job.schemas.get(channel.schema_id)
-            channels.setdefault(channel.topic, (channel, schema.name if schema else ""))
+            channels.setdefault(channel.topic, (channel, schema.name if schema else job.told.get(channel.topic, "")))
             number = job.target.counts.get(job.new_ids.get(channel_id, 0), 0)
             counts[channel.topic] = counts.get(channel.topic, 0) + number
     topics = [
@@ -149,10 +171,7 @@ def _information(files: list[FileEntry], jobs: "list[_File]", old: Mapping[str, 
 
 
 def _profiles(text: str) -> list[object]:
-    try:
-        document = load(text)
-    except yaml.YAMLError:
-        return []
+    document = load(text) if text else []
     return document if isinstance(document, list) else []
 
 
@@ -172,6 +191,8 @@ class _File:
     compressed: bool = False  # whether messages are, each by itself
     told: Mapping[str, str] = field(default_factory=dict)  # type of each topic as metadata.yaml says
     refused: dict[int, str] = field(default_factory=dict)  # channels whose definition is none, and why
+    doubts: Doubts = field(default_factory=Doubts)  # what an earlier copy has proved wrong
+    proofs: Proofs = field(default_factory=Proofs)
     _target: McapFile | None = None
 
     @property
@@ -194,6 +215,7 @@ class _File:
             self.faults.append(Fault(start=source.size, what=str(found)))
         self._target = McapFile(path, _compression(source, summary), Profile.ROS2)
         if summary is not None:
+            self.proofs = Proofs(needed=not summary.channels)
             self._define(summary.schemas, summary.channels)
         only_broken_off = summary is None
         for one in survey(source, summary):
@@ -241,6 +263,7 @@ class _File:
 
     def _define(self, schemas: Mapping[int, Schema], channels: Mapping[int, Channel]) -> None:
         for schema in schemas.values():
+            self.proofs.meet_schema(schema)
             if schema.id not in self.new_schemas:
                 schema, fault = verified_schema(schema)  # noqa: PLW2901 - the same one, as it was
                 if fault:
@@ -248,17 +271,26 @@ class _File:
                 self.new_schemas[schema.id] = self.target.add_schema(schema.name, schema.encoding, schema.data)
                 self.schemas[schema.id] = schema
         for channel in channels.values():
+            self.proofs.meet_channel(channel)
             if channel.id not in self.new_ids and channel.id not in self.refused:
-                fault = channel_fault(channel, self.schemas.get(channel.schema_id), self.told)
-                if fault:
-                    self.refused[channel.id] = fault
-                    self.faults.append(Fault(start=0, what=fault))
-                    continue
-                schema_id = self.new_schemas.get(channel.schema_id, 0)
-                self.new_ids[channel.id] = self.target.add_channel(
-                    channel.topic, channel.message_encoding, schema_id, channel.metadata
-                )
-                self.channels[channel.id] = channel
+                self._define_channel(channel)
+
+    def _define_channel(self, channel: Channel) -> None:
+        schema = self.schemas.get(channel.schema_id)
+        fault = self.doubts.about(channel) or channel_fault(channel, schema, self.told)
+        fault = fault or (schema_fault_of(channel, schema, self.told) if self.proofs.needed else "")
+        if fault:
+            self.refused[channel.id] = fault
+            self.faults.append(Fault(start=0, what=fault))
+            return
+        channel, fault = with_sound_metadata(channel)
+        if fault:
+            self.faults.append(Fault(start=0, what=fault))
+        self.new_ids[channel.id] = self.target.add_channel(
+            channel.topic, channel.message_encoding, self.new_schemas.get(channel.schema_id, 0), channel.metadata
+        )
+        self.channels[channel.id] = channel
+        self.proofs.expect(channel, schema)
 
     def _add(self, content: bytes, table: MessageTable) -> int:
         """Append the messages whose channels are known; return how many."""
@@ -270,6 +302,8 @@ class _File:
             first = int(table.starts[known][0]) + MESSAGE_HEAD.size
             self.compressed = content[first : first + len(ZSTD_MAGIC)] == ZSTD_MAGIC
         starts, ends, old = table.starts[known], table.ends[known], table.channel_ids[known]
+        for number, start, end in zip(old.tolist(), starts.tolist(), ends.tolist(), strict=True):
+            self.proofs.read(number, content, start + MESSAGE_HEAD.size, end)
         data: NDArray[np.uint8] = np.frombuffer(content, dtype=np.uint8).copy()
         values, inverse = np.unique(old, return_inverse=True)
         new = np.array([self.new_ids[int(one)] for one in values], dtype=np.uint16)[inverse]

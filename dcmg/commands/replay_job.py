@@ -59,6 +59,9 @@ def evaluate(bag: Path, changes: MonitorChanges, *, out: Path | None, json: bool
         windows = write_replayed(out / "bag", windows, told)
     pictures, shown_bag = (None, bag) if out is None else (out / "plots", out / "bag")
     show_run(windows, run.steps, shown_bag, what="replaying", pictures=pictures, json=json)
+    for name, record in recorded[-1].records.items():
+        if not record.accepted:
+            messages.print(f"not monitored: {name}: {record.verdict}", highlight=False, markup=False, soft_wrap=True)
     for name, apart in recorded[0].compared(recorded[1].records).items() if len(recorded) > 1 else ():
         if apart or changes.redesign:
             messages.print(f"designed anew: {name}: {_words(apart)}", highlight=False, markup=False, soft_wrap=True)

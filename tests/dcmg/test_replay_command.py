@@ -44,6 +44,18 @@ def test_another_observer_and_detector(dcmg: Dcmg) -> None:
     assert all(link["first_alarm_sec"] is None for link in json.loads(out)["links"])
 
 
+def test_refused_design_is_told(dcmg: Dcmg) -> None:
+    """A design that the data do not allow is named with its reason, also beside tables."""
+    code, out, err = dcmg(
+        "replay", golden_path("biased"), "--observer", "full_order", "--observer-option", "unknown_inputs=3"
+    )
+    assert code == 0, err
+    assert "not monitored" in out
+    told = [line for line in err.splitlines() if line.startswith("not monitored: /dgu_")]
+    assert told
+    assert all(": refused: " in line for line in told)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
