@@ -78,7 +78,7 @@ def test_wrong_bit_in_the_definitions(killed: tuple[bytes, int], share: float, b
     ("what", "wrong", "said"),
     [
         (b"RIHS01_", b"RiHS01_", "type hash of"),
-        (b"- history: keep_last", b"- hi{tory: keep_last", "quality of service of"),
+        (b"- history: keep_last", b"- {istory: keep_last", "quality of service of"),
         (b"\n  depth: 1000", b"\n \0depth: 1000", "quality of service of"),
     ],
 )
