@@ -231,7 +231,7 @@ def test_foreign_file(tmp_path: Path, *, chunked: bool) -> None:
     with file.open("wb") as stream:
         writer = Writer(stream, chunk_size=300, use_chunking=chunked)
         writer.start("ros2", "test")
-        schema = writer.register_schema("std_msgs/msg/String", "ros2msg", b"string data")
+        schema = writer.register_schema("std_msgs/msg/UInt32", "ros2msg", b"uint32 data")
         channel = writer.register_channel("/chatter", "cdr", schema)
         for number in range(50):
             writer.add_message(channel, number, b"\0\1\0\0" + number.to_bytes(4, "little"), number)
