@@ -90,12 +90,13 @@ class Relay:
         stop_step = None if length is None else state.step + length
         start_sec = state.step * self.sampling_period_sec
         links, own = _split_links(link, parameters)
-        if own.pop("anyway", False) is not True and origin is Origin.SERVICE and start_sec < self.ready_sec:
+        early = own.pop("anyway", False) is not True and origin is Origin.SERVICE and start_sec < self.ready_sec
+        plan = AttackPlan(links=links, kind=kind, parameters=own, start_sec=start_sec)
+        following, attack = self._schedule(state, plan, origin, state.step, stop_step)
+        if early:
             now = f"it is {start_sec:g} s, and until {self.ready_sec:g} s the detectors learn from attack-free samples"
             raise AttackError(f"link {link}: {now}: expected later, or `anyway`, which they take for normal")
-        plan = AttackPlan(links=links, kind=kind, parameters=own, start_sec=start_sec)
-        state, attack = self._schedule(state, plan, origin, state.step, stop_step)
-        return state, attack.event(link, Action.START, state.step)
+        return following, attack.event(link, Action.START, state.step)
 
     def stop(self, state: RelayState, link: Link) -> tuple[RelayState, tuple[RelayEvent, ...]]:
         """Stop every active attack on one link from the next step on; scheduled ones stay scheduled.

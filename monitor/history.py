@@ -46,7 +46,7 @@ class Experiment:
     def __post_init__(self) -> None:
         """Raise HistoryError unless all tables have one row a sample."""
         for name in _TABLES:
-            table = np.asarray(getattr(self, name), dtype=np.float64)
+            table = np.ascontiguousarray(getattr(self, name), dtype=np.float64)  # BLAS rounds by layout
             if table.shape == (0, 0):
                 table = np.empty((len(self.y), 0))
             if table.ndim != 2:  # noqa: PLR2004 - rows and columns

@@ -100,7 +100,7 @@ def test_spoofed_by_hand_and_by_an_outsider(
     subprocess.run([sys.executable, "-c", OUTSIDER], env=environment, check=True, timeout=60)
     stopped = dcmg("attack", "stop", "1-2", *here)
     assert stopped.code == 0, stopped.err
-    assert run.end(signal.SIGINT).code == 130
+    assert run.end(signal.SIGINT).code == 0
 
     first, last = (int(one.out.split("step ")[1].split()[0]) for one in (started, stopped))
     record = read_run(run.bag)

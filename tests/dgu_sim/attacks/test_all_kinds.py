@@ -114,7 +114,7 @@ def test_a_service_starts_an_attack_on_several_links(scenario: Scenario) -> None
     """`links` among the parameters names them, the addressed one first; the others are told of by the next step."""
     relay, _ = relay_of(scenario)
     outputs = [Sample(y=(48.0, 10.0, 3.0)) for _ in relay.dgus]
-    parameters: dict[str, object] = {"links": ["2-4", "3-4"], "voltage_v": 0.1}
+    parameters: dict[str, object] = {"links": ["2-4", "3-4"], "voltage_v": 0.1, "anyway": True}
     state, started = relay.start(relay.init(), Link(2, 4), "luenberger_stealthy", parameters)
     assert (str(started.link), started.parameters) == ("2-4", '{"voltage_v": 0.1}')
     assert relay.stop(state, Link(2, 4))[1] != ()

@@ -86,5 +86,5 @@ def test_one_second_publisher_at_a_time(shipped: Callable[..., Scenario]) -> Non
     state, _, _ = relay.step(state, [Sample(y=(48.0, 10.0, 3.0)) for _ in relay.dgus])
     with pytest.raises(AttackError, match="link 1-2: a second publisher speaks there already"):
         relay.start(state, Link(1, 2), "spoof", spoof)
-    state, _ = relay.start(state, Link(1, 2), "spoof", spoof, duration_sec=1.0)
+    state, _ = relay.start(state, Link(1, 2), "spoof", {**spoof, "anyway": True}, duration_sec=1.0)
     assert [one.first_step for one in relay.spoofings(state)] == [300, 1]

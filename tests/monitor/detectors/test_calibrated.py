@@ -79,7 +79,9 @@ def test_threshold_is_the_kth_largest_score_of_the_second_stretch(judge: Callabl
 
 def test_too_short_a_calibration_is_refused() -> None:
     """A rate that so few samples cannot promise: the message says how long it takes."""
-    with pytest.raises(MonitorError, match=r"calibrate_sec = 10: expected at least 125 s to promise a rate of 0\.0001"):
+    with pytest.raises(
+        MonitorError, match=r"calibrate_sec = 10\.0: expected at least 125 s to promise a rate of 0\.0001"
+    ):
         build("calibrated", {"rate": 1e-4}, 0.01)
     build("calibrated", {"rate": 1e-4, "calibrate_sec": 125.0}, 0.01)
 
