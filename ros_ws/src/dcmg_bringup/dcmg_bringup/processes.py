@@ -9,8 +9,10 @@ from __future__ import annotations
 
 import gc
 import importlib
+import math
 import multiprocessing
 import os
+import resource
 import signal
 import sys
 import time
@@ -37,6 +39,7 @@ _TERMINATE_GRACE_SEC = 1.0
 _POLL_SEC = 0.02
 _EXIT_FAILED = 1
 _STOPPED = "T"
+_FILES = 256  # what a node with its DDS participant opens, and some
 # what the nodes import, as far as it does not import rclpy
 _PRELOADED = (
     "bags.watch.histories",
@@ -82,6 +85,7 @@ class ProcessGroup:
         """Start every process."""
         if "rclpy" in sys.modules:
             raise RuntimeError("node processes must be started before rclpy is imported")
+        _allow_files(len(nodes))
         for module in _PRELOADED:
             importlib.import_module(module)
         gc.freeze()  # what is there now stays: collecting it again and again would cost, and unshare its memory
@@ -164,6 +168,17 @@ class ProcessGroup:
         last = f": {text.splitlines()[-1]}" if text else ""
         how = f"killed by {signal.Signals(-code).name}" if code < 0 else f"exit code {code}"
         return f"{how}{last}"
+
+
+def _allow_files(processes: int) -> None:
+    """Ask for as many open files as the processes need, or refuse before anything starts."""
+    needed = _FILES + 2 * processes
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    most = math.inf if hard == resource.RLIM_INFINITY else hard
+    if most < needed:
+        raise CommandError(f"{hard} open files are allowed, a run of {processes} processes needs {needed}: `ulimit -n`")
+    if soft != resource.RLIM_INFINITY and soft < needed:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))
 
 
 def _state(pid: int | None) -> str:
