@@ -69,7 +69,7 @@ def test_scenarios_lists_what_run_accepts(dcmg: Dcmg) -> None:
 @pytest.mark.parametrize(
     ("arguments", "expected"),
     [
-        (("no_such",), "no_such: no such scenario; shipped are"),
+        (("no_such",), "no_such: no such scenario; expected one of"),
         (("./no_such.yaml",), "./no_such.yaml: no such file"),
         (("gallo_six_dgu", "--set", "coupling=loose"), "override 'coupling=loose': coupling = 'loose': expected"),
         (("gallo_six_dgu", "--set", "secondary.gain=0.5"), "secondary.gain = 0.5"),

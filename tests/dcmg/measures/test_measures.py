@@ -58,9 +58,13 @@ def test_without_its_floor_noise_bound_is_wrong_on_the_joint_grid() -> None:
 
 
 def test_biases_on_the_joint_grid_stand_out_of_the_loads(tmp_path: Path) -> None:
-    """(0.1, 0.1, 0.1) all but never hides in the loads; every area has its interval, and there is a figure."""
+    """(0.1, 0.1, 0.1) all but never hides in the loads; every area has its interval, and there is a figure.
+
+    The joint record of DGU 6 is too noisy for two unknown inputs: its design is refused, and no curve is drawn.
+    """
     curves = roc.run(1, runs=4, sizes=(0.1,))
-    assert len(curves) == 6 * len(roc.HISTORIES)
+    drawn = {name: {curve.source for curve in curves if curve.history == name} for name in roc.HISTORIES}
+    assert drawn == {"held experiment": {1, 2, 3, 4, 5, 6}, "joint experiment": {1, 2, 3, 4, 5}}
     for one in curves[::6]:
         area = one.area()
         assert area.value > 0.99

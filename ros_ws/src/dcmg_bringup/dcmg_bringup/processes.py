@@ -92,6 +92,7 @@ class ProcessGroup:
         log_dir.mkdir(parents=True, exist_ok=True)
         self._log_dir = log_dir
         self._processes: dict[str, ForkProcess] = {}
+        self._recording = {name for name, members in nodes.items() if RECORDER_NODE in members}
         self._reaper: Reaper | None = None
         try:
             self._start(nodes, scenario, options)
@@ -146,7 +147,13 @@ class ProcessGroup:
         return True
 
     def stop(self) -> None:
-        """Interrupt what still runs, and insist: after this call no process is left."""
+        """Interrupt the recorder, which closes its bag, and insist; kill the others, which have nothing to lose.
+
+        After this call no process is left.
+        """
+        for name, process in self._processes.items():
+            if name not in self._recording and process.exitcode is None:
+                process.kill()
         for number, grace_sec in (
             (signal.SIGINT, _INTERRUPT_GRACE_SEC),
             (signal.SIGTERM, _TERMINATE_GRACE_SEC),

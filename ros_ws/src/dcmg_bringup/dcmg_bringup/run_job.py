@@ -144,6 +144,8 @@ def _follow(wiring: Wiring, group: ProcessGroup, silence_sec: float, bag: Path, 
             view.spin(_SPIN_SEC)
             display.steps(view.progress.steps)
             trouble, stalled = watchdog.look(view.progress.steps), bool(view.progress.waiting_for)
+            if trouble is None and group.wait(0.0):
+                break  # all have ended well; the news of the end can be lost with the recorder that told it
         if not told:
             view.close()  # the recorder waits until nobody listens to the end of the run
         if not (trouble or stalled or told):

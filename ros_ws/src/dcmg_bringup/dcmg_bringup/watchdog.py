@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from dcmg_bringup.processes import ProcessGroup
 
 _STOPPED_SEC = 3.0  # a process stopped for so long does not go on by itself
-_LEFT_SEC = 2.0  # what the news of the end may take after the first node has left
+_LEFT_SEC = 4.0  # what the news of the end may take after the first node has left, and after the last other news
 _BLINK_SEC = 1.0  # a longer pause between two looks was our own: somebody stopped the supervisor
 
 
@@ -60,7 +60,7 @@ class Watchdog:
             self._stopped.clear()
         self._looked = now
         if steps != self._steps:
-            self._steps, self._heard = steps, now
+            self._steps, self._heard, self._left = steps, now, None  # what is told arrives in order: the end comes last
         return self._ended(now) or self._standing(now) or self._silent(now)
 
     def _ended(self, now: float) -> Trouble | None:
