@@ -25,6 +25,7 @@ from bags.wire.records import DesignRecord
 from bags.wire.row import Need
 from bags.wire.schema import RunTopics, parts_of
 from bags.wire.stream import Spoofed
+from bags.wire.table import with_conclusions
 from dgu_sim.grid import Link
 from dgu_sim.scenario import Scenario, parse_monitor
 from dgu_sim.settings import MonitorSettings
@@ -116,7 +117,8 @@ def _prepare(record: RunRecord, overrides: Sequence[str], *, redesign: bool) -> 
     histories = histories_of(record)
     states = max((one.states for one in histories.values()), default=record.topics.widths.states)
     widths = record.topics.widths._replace(states=states)
-    topics = replace(record.topics, parts=parts_of(settings), has_team=settings.team is not None, widths=widths)
+    parts, rows = parts_of(settings), with_conclusions(record.topics.rows)
+    topics = replace(record.topics, parts=parts, has_team=settings.team is not None, widths=widths, rows=rows)
     team = None
     if scenario is not None and topics.has_team:
         if record.team is None or not record.team.histories:

@@ -5,6 +5,7 @@ processes, composed, or offline leaves the same messages in the same order. Per-
 events of that step; latched messages stand before step 0.
 """
 
+from collections.abc import Sequence
 from typing import Any
 
 from bags.mcap.topic import TopicKind
@@ -330,3 +331,11 @@ TABLE: tuple[Row[Any], ...] = (
     *(SECOND, ALARMS, STREAM, ATTACKS, DIAGNOSTICS, ACCUSATIONS),
     *(HISTORY, DESIGN, OWN_DESIGN, INPUT_DESIGN, GRID_HISTORY, TEAM_DESIGN),
 )
+
+
+def with_conclusions(rows: Sequence[Row[Any]]) -> tuple[Row[Any], ...]:
+    """Rows of a recorded run with those that its bag lacks and other monitors may fill, in canonical order."""
+    order = {row.key: number for number, row in enumerate(TABLE)}
+    there = {row.key for row in rows}
+    missing = [row for row in TABLE if row.need is not Need.ALWAYS and row.key not in there]
+    return tuple(sorted((*rows, *missing), key=lambda row: order.get(row.key, len(order))))
