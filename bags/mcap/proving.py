@@ -37,17 +37,13 @@ class Doubts:
     channels: Mapping[int, str] = field(default_factory=dict)
     schemas: Mapping[int, str] = field(default_factory=dict)
 
-    def __bool__(self) -> bool:
-        """Whether there is any."""
-        return bool(self.channels or self.schemas)
-
     def about(self, channel: Channel) -> str:
         """Why a channel must not be believed, "" when nothing is known against it."""
         return self.channels.get(channel.id) or self.schemas.get(channel.schema_id, "")
 
     def and_those_of(self, other: "Doubts") -> "Doubts":
         """Both."""
-        return Doubts(channels={**self.channels, **other.channels}, schemas={**self.schemas, **other.schemas})
+        return Doubts(channels={**other.channels, **self.channels}, schemas={**other.schemas, **self.schemas})
 
 
 @final

@@ -132,9 +132,10 @@ def _copied(file: Path, path: Path, told: Mapping[str, str], jobs: "list[_File]"
             job.faults.append(Fault(start=0, what=f"{base} bytes stand in front of the file"))
         with FileBytes(file, base) as source:
             job.copy(source, path)
-        if not job.proofs.found:
+        following = doubts.and_those_of(job.proofs.found)
+        if following == doubts:  # nothing new: what is left out already cannot be proved wrong once more
             return job
-        doubts = doubts.and_those_of(job.proofs.found)
+        doubts = following
         job.close()
         jobs.remove(job)
         path.unlink()

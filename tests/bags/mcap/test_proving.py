@@ -93,3 +93,20 @@ def test_what_is_said_beside_the_definition(
     assert report.messages == _MESSAGES
     assert any(said in str(one) for one in report.damages), report.damages
     assert _read_by_all(report.path) == [_MESSAGES] * 3
+
+
+@pytest.mark.timeout(60)
+@pytest.mark.parametrize("opcode", [Opcode.SCHEMA, Opcode.CHANNEL])
+def test_two_of_one_number(killed: tuple[bytes, int], tmp_path: Path, opcode: Opcode) -> None:
+    """Where a wrong number makes two definitions claim one, neither is believed, and repair comes to an end."""
+    data, first = killed
+    starts, at = [], 8
+    while at < first:
+        starts += [at] if data[at] == opcode else []
+        at += 9 + int.from_bytes(data[at + 1 : at + 9], "little")
+    number = starts[1] + 9  # the second one takes the number of the third
+    wrong = data[:number] + data[starts[2] + 9 : starts[2] + 11] + data[number + 2 :]
+    report = _repaired(tmp_path, wrong)
+    assert any("have the number 3: neither is believed" in str(one) for one in report.damages)
+    assert report.messages + report.undescribed == _MESSAGES
+    assert _read_by_all(report.path) == [report.messages] * 3
