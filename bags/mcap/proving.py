@@ -96,9 +96,9 @@ class Proofs:
             reader(expand("zstd", data) if data[:4] == ZSTD_MAGIC else data)
         except BagError as error:
             del self._readers[channel_id]
-            self._bad_channels[channel_id] = (
-                f"the definition of {self._topics[channel_id]} is damaged, its messages cannot be read by it: {error}"
-            )
+            topic = self._topics[channel_id]
+            reason = f"the definition of {topic} is damaged, its messages cannot be read by it: {error}"
+            self._bad_channels.setdefault(channel_id, reason)
 
 
 def schema_fault_of(channel: Channel, schema: Schema | None, told: Mapping[str, str]) -> str:
