@@ -56,6 +56,7 @@ class Proofs:
     """
 
     needed: bool = True
+    _begun: bool = False  # messages have come: what contradicts now stands in a broken summary
     _channels: dict[int, Channel] = field(default_factory=dict)
     _schemas: dict[int, Schema] = field(default_factory=dict)
     _topics: dict[int, str] = field(default_factory=dict)
@@ -70,12 +71,12 @@ class Proofs:
 
     def meet_schema(self, schema: Schema) -> None:
         """Note a schema as the file has it; a second one with its number makes both doubtful."""
-        if self.needed and self._schemas.setdefault(schema.id, schema) != schema:
+        if self.needed and not self._begun and self._schemas.setdefault(schema.id, schema) != schema:
             self._bad_schemas[schema.id] = f"two definitions have the number {schema.id}: neither is believed"
 
     def meet_channel(self, channel: Channel) -> None:
         """Note a channel as the file has it; a second one with its number makes both doubtful."""
-        if self.needed and self._channels.setdefault(channel.id, channel) != channel:
+        if self.needed and not self._begun and self._channels.setdefault(channel.id, channel) != channel:
             self._bad_channels[channel.id] = f"two channels have the number {channel.id}: neither is believed"
 
     def expect(self, channel: Channel, schema: Schema | None) -> None:
@@ -88,6 +89,7 @@ class Proofs:
 
     def read(self, channel_id: int, content: bytes, start: int, end: int) -> None:
         """Read a message, the bytes from `start` to `end` of a chunk."""
+        self._begun = True
         reader = self._readers.get(channel_id)
         if reader is None:
             return
