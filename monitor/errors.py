@@ -1,5 +1,7 @@
 """What this package raises on misuse. Foreseen outcomes (a refused design, an alarm) are values, not exceptions."""
 
+from __future__ import annotations
+
 
 class MonitorError(Exception):
     """Base of all errors of this package; the message is one line: what was found, what was expected."""
@@ -22,3 +24,7 @@ class OptionError(MonitorError):
         """Say it in a line of its own, for who has no settings to point into."""
         super().__init__(line)
         self.key, self.value, self.expected = key, value, expected
+
+    def __reduce__(self) -> tuple[type[OptionError], tuple[str, tuple[str, ...], object, str]]:
+        """Let it cross from a worker process: an exception is rebuilt from all that made it."""
+        return type(self), (str(self), self.key, self.value, self.expected)
