@@ -68,7 +68,7 @@ def test_wrong_attacks_are_refused_in_one_line(
         assert finished.code == 2
         assert expected in finished.err
         assert len(finished.err.strip().splitlines()) == 1
-    assert run.end(signal.SIGINT).code == 130
+    assert run.end(signal.SIGINT).code == 0  # that is how a run in real time ends
     assert read_run(run.bag).events == ()
 
 
