@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from monitor.detectors.protocol import Detector, matched
     from monitor.errors import HistoryError, MonitorError
     from monitor.history import Experiment, History
-    from monitor.observers.protocol import Design, Observer
+    from monitor.observer import Design, Observer
 
 __all__ = [
     "Alarms",
@@ -85,7 +85,7 @@ _NAMES = {
     "monitor.detectors.protocol": ("Detector", "matched"),
     "monitor.errors": ("HistoryError", "MonitorError"),
     "monitor.history": ("Experiment", "History"),
-    "monitor.observers.protocol": ("Design", "Observer"),
+    "monitor.observer": ("Design", "Observer"),
 }
 _WHERE = {name: module for module, names in _NAMES.items() for name in names}
 

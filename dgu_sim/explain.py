@@ -2,10 +2,14 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import TypeVar
 
-from pydantic import ValidationError
+from pydantic import BaseModel, ValidationError
+from pydantic_core import PydanticCustomError
 
-__all__ = ["Problem", "explain"]
+__all__ = ["Problem", "explain", "part_of"]
+
+Model = TypeVar("Model", bound=BaseModel)
 
 SHOWN = 60
 """Longer values are cut: a message stays one readable line."""
@@ -57,6 +61,15 @@ def explain(error: ValidationError, data: object) -> Problem:
         expected = f"expected one of {tags}" if tags else "this key is missing"
         return Problem(key=(*location, "kind"), found=None if tag is None else shown(tag), expected=expected)
     return Problem(key=location, found=shown(first["input"]), expected=_expected(kind, first["msg"], context))
+
+
+def part_of(model: type[Model], given: Mapping[str, object]) -> Model:
+    """Validate a part of something that is being validated; what is wrong in it is told with the key of the whole."""
+    try:
+        return model.model_validate(given)
+    except ValidationError as error:
+        problem = explain(error, given)
+        raise PydanticCustomError("problem", "{problem}", {"problem": problem}) from None
 
 
 def shown(value: object) -> str:

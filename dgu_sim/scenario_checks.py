@@ -1,18 +1,15 @@
 """What must hold between the sections of a scenario."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from dgu_sim.errors import AttackError
 from dgu_sim.grid import Grid, Link
 from dgu_sim.model import finding
 from dgu_sim.plant import Coupling
+from dgu_sim.sections import Sections
 from dgu_sim.settings import AttackSettings, HistoryPlant, OutputComponent
 from dgu_sim.stability import closed_loop, largest_stable_gain, sampled_grid, spectral_radius
 from dgu_sim.team_checks import check_team
-
-if TYPE_CHECKING:
-    from dgu_sim.scenario import Scenario
 
 __all__ = ["check_parts", "check_stability"]
 
@@ -22,7 +19,7 @@ LINE_TIME_SHARE = 0.1
 """Lines count as quasi-stationary when L/R is at most this share of T_s; G's reach 0.6 %."""
 
 
-def check_parts(scenario: "Scenario") -> None:
+def check_parts(scenario: Sections) -> None:
     """Check that ids, lines, links and times fit together; raises what `dgu_sim.model.finding` returns."""
     _check_ids([dgu.id for dgu in scenario.dgus])
     _check_lines(scenario)
@@ -37,7 +34,7 @@ def check_parts(scenario: "Scenario") -> None:
         raise finding(("history", "plant"), "joint", "expected own: with coupling isolated there is no joint grid")
 
 
-def check_stability(scenario: "Scenario", grid: Grid) -> None:
+def check_stability(scenario: Sections, grid: Grid) -> None:
     """Check that the sampled closed loop of the whole grid is stable; raises what `finding` returns."""
     A, E = sampled_grid(grid, scenario.coupling, scenario.sampling_period_sec)
     radius = spectral_radius(A)
@@ -67,7 +64,7 @@ def _check_ids(ids: Sequence[int]) -> None:
             raise finding(("dgus", index, "id"), ids[index], f"expected an id above {ids[index - 1]}: ids ascend")
 
 
-def _check_lines(scenario: "Scenario") -> None:
+def _check_lines(scenario: Sections) -> None:
     ids = [dgu.id for dgu in scenario.dgus]
     seen: set[frozenset[int]] = set()
     for index, line in enumerate(scenario.lines):
@@ -88,7 +85,7 @@ def _check_lines(scenario: "Scenario") -> None:
             raise finding(("lines", index, "inductance_h"), line.inductance_h, expected)
 
 
-def _check_attacks(scenario: "Scenario") -> None:
+def _check_attacks(scenario: Sections) -> None:
     links = {Link(a, b) for line in scenario.lines for a, b in (line.between, line.between[::-1])}
     ready = scenario.monitor.calibrated_sec
     for index, attack in enumerate(scenario.attacks):
@@ -99,7 +96,7 @@ def _check_attacks(scenario: "Scenario") -> None:
             raise finding((*key, "start_sec"), attack.start_sec, expected)
 
 
-def _check_combined(scenario: "Scenario") -> None:
+def _check_combined(scenario: Sections) -> None:
     """Check what monitors that draw one conclusion from several tests need."""
     if scenario.monitor.response is not None and not scenario.secondary.enabled:
         expected = "expected none: secondary control is off, there is nothing to leave a link out of"
@@ -111,7 +108,7 @@ def _check_combined(scenario: "Scenario") -> None:
             raise finding(("monitor",), f"local, plausibility or response at DGU {dgu}", expected)
 
 
-def _check_links(scenario: "Scenario", attack: AttackSettings, key: tuple[str | int, ...], links: set[Link]) -> None:
+def _check_links(scenario: Sections, attack: AttackSettings, key: tuple[str | int, ...], links: set[Link]) -> None:
     for position, name in enumerate(attack.link_names):
         place = (*key, "link") if attack.links is None else (*key, "links", position)
         try:

@@ -7,7 +7,6 @@ from pydantic import (
     BeforeValidator,
     Field,
     SerializerFunctionWrapHandler,
-    ValidationError,
     field_validator,
     model_serializer,
     model_validator,
@@ -16,7 +15,7 @@ from pydantic_core import PydanticCustomError
 
 from dgu_sim.attacks import KINDS, Attack
 from dgu_sim.excitation import Excitation, UniformExcitation
-from dgu_sim.explain import explain
+from dgu_sim.explain import part_of
 from dgu_sim.grid import Link
 from dgu_sim.loads import Load
 from dgu_sim.model import Frozen, Number, Spread3, Vector3, check_keys, finding
@@ -274,12 +273,7 @@ class AttackSettings(Frozen):
         ours = [key for key in cls.model_fields if key != "parameters"]
         check_keys(data, [*ours, *KINDS[data["kind"]].model_fields])
         given = {key: value for key, value in data.items() if key not in ours}
-        try:
-            attack = KINDS[data["kind"]].model_validate(given)
-        except ValidationError as error:
-            problem = explain(error, given)
-            raise PydanticCustomError("problem", "{problem}", {"problem": problem}) from None
-        parameters = attack.model_dump(mode="json")
+        parameters = part_of(KINDS[data["kind"]], given).model_dump(mode="json")
         return {key: value for key, value in data.items() if key in ours} | {"parameters": parameters}
 
     @model_validator(mode="after")

@@ -1,21 +1,18 @@
 """What must hold between the section `monitor.team` and the rest of a scenario."""
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 from dgu_sim.model import finding
 from dgu_sim.plant import Coupling
+from dgu_sim.sections import Sections
 from dgu_sim.team_settings import TeamEventKind, TeamSettings, TeamStructure
-
-if TYPE_CHECKING:
-    from dgu_sim.scenario import Scenario
 
 __all__ = ["check_team", "team_links"]
 
 _KEY = ("monitor", "team")
 
 
-def team_links(scenario: "Scenario") -> tuple[tuple[int, int], ...]:
+def team_links(scenario: Sections) -> tuple[tuple[int, int], ...]:
     """Return the pairs of members that exchange estimates."""
     team = scenario.monitor.team
     if team is not None and team.links is not None:
@@ -23,7 +20,7 @@ def team_links(scenario: "Scenario") -> tuple[tuple[int, int], ...]:
     return tuple(line.between for line in scenario.lines)
 
 
-def check_team(scenario: "Scenario") -> None:
+def check_team(scenario: Sections) -> None:
     """Check that a team can exist and its events make sense; raises what `dgu_sim.model.finding` returns."""
     team = scenario.monitor.team
     if team is None:

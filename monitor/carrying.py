@@ -12,14 +12,14 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monitor.delayed.realisation import ConstantInput
-from monitor.observers.linear_observer import LinearObserver
+from monitor.linear_observer import LinearObserver
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
     from numpy.typing import NDArray
 
-    from monitor.observers.protocol import Observer
+    from monitor.observer import Observer
 
 SYMBOLS = ("A", "B", "M", "D", "H", "J", "Z")
 RUNNING = "running"

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
     from monitor.detectors.protocol import Detector
     from monitor.linear import Component, Count, Flag, Vector
-    from monitor.observers.protocol import Observer
+    from monitor.observer import Observer
 
 
 class MonitorState(NamedTuple):

@@ -2,7 +2,7 @@
 
 Part of the history is held back from the design. The finished observer runs over it, free of attack, and its error and
 residual are held against what rounding, or the noise, allows. Whatever runs by init and step can be proved: give its
-`Trial`s on seen and unseen samples (`monitor.observers.trials` runs state observers) and an `Allowance`; `prove` makes
+`Trial`s on seen and unseen samples (`monitor.trials` runs state observers) and an `Allowance`; `prove` makes
 the `Proof` that a certificate carries.
 """
 

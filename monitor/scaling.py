@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from monitor.history import History
-    from monitor.observers.linear_observer import LinearObserver
+    from monitor.linear_observer import LinearObserver
 
 _TABLES = ("u", "y", "x", "d", "w")
 _COMPARABLE = 1e4  # states whose spreads lie further apart than this are not in comparable units, whatever is said

@@ -16,7 +16,7 @@ from monitor.certificate import DynamicsReport, ResidualReport, smallest_crossin
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from monitor.observers.linear_observer import LinearObserver
+    from monitor.linear_observer import LinearObserver
 
 _BLIND = 1e-6  # a residual that shows less than a millionth of every falsification shows nothing
 _INVISIBLE = 1e-6  # relative: steady gains below are zero

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
     from monitor.detectors.protocol import Detector
-    from monitor.observers.protocol import Design, Observer
+    from monitor.observer import Design, Observer
 
 _CALL = "dcmg.design(u=u, y=y, x=x, sampling_period_sec=0.01)"
 

@@ -4,12 +4,12 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Annotated, ClassVar, final
 
-from pydantic import AfterValidator, Field, ValidationError
-from pydantic_core import PydanticCustomError
+from pydantic import AfterValidator, Field
 
 from dgu_sim.attacks.context import AttackContext
+from dgu_sim.attacks.falsifications import FALSIFICATIONS
 from dgu_sim.attacks.protocol import Attack
-from dgu_sim.explain import explain
+from dgu_sim.explain import part_of
 from dgu_sim.grid import Link
 from dgu_sim.model import finding
 from dgu_sim.records import Sample
@@ -18,17 +18,11 @@ __all__ = ["Spoof"]
 
 
 def _inner(falsify: Mapping[str, object]) -> Attack:
-    from dgu_sim.attacks import registry  # noqa: PLC0415 - the registry holds Spoof, too
-
-    known = [kind for kind, attack in registry.KINDS.items() if not attack.publishes]
-    if falsify.get("kind") not in known:
-        raise finding(("kind",), falsify.get("kind"), f"expected what the messages say, one of {', '.join(known)}")
-    given = {key: value for key, value in falsify.items() if key != "kind"}
-    try:
-        return registry.KINDS[str(falsify["kind"])].model_validate(given)
-    except ValidationError as error:
-        problem = explain(error, given)
-        raise PydanticCustomError("problem", "{problem}", {"problem": problem}) from None
+    kind = falsify.get("kind")
+    if kind not in FALSIFICATIONS:
+        expected = f"expected what the messages say, one of {', '.join(FALSIFICATIONS)}"
+        raise finding(("kind",), kind, expected)
+    return part_of(FALSIFICATIONS[str(kind)], {key: value for key, value in falsify.items() if key != "kind"})
 
 
 def _checked(falsify: dict[str, object]) -> dict[str, object]:

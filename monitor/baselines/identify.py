@@ -13,7 +13,7 @@ from monitor.history import data_matrices
 
 if TYPE_CHECKING:
     from monitor.history import History
-    from monitor.observers.linear_observer import LinearObserver
+    from monitor.linear_observer import LinearObserver
 
 
 def identified(history: History, unknown_inputs: int) -> Model:

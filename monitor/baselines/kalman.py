@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from monitor.baselines.model import Model
-    from monitor.observers.linear_observer import LinearObserver
+    from monitor.linear_observer import LinearObserver
 
 
 def kalman(model: Model, disturbance_std: NDArray[np.float64], noise_std: NDArray[np.float64]) -> LinearObserver:

@@ -11,7 +11,7 @@ from monitor.baselines.predictor import predictor
 
 if TYPE_CHECKING:
     from monitor.baselines.model import Model
-    from monitor.observers.linear_observer import LinearObserver
+    from monitor.linear_observer import LinearObserver
 
 
 def luenberger(model: Model, decay: float) -> LinearObserver:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from monitor.observers.linear_observer import LinearObserver
+from monitor.linear_observer import LinearObserver
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

@@ -9,7 +9,7 @@ import numpy as np
 from scipy.linalg import solve_discrete_are
 
 from monitor.errors import MonitorError
-from monitor.observers.linear_observer import LinearObserver
+from monitor.linear_observer import LinearObserver
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

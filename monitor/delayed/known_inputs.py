@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
     from monitor.delayed.report import DelayedDesign
     from monitor.history import History
-    from monitor.observers.linear_observer import LinearObserver
+    from monitor.linear_observer import LinearObserver
     from monitor.proof import Proof
     from monitor.scaling import Scaling
 

@@ -14,9 +14,9 @@ import numpy as np
 from monitor.delayed.bounds import respond
 from monitor.delayed.model import window_of
 from monitor.delayed.realisation import ConstantInput, linear_part
-from monitor.observers.trials import run_linear
 from monitor.proof import Allowance, Trial, noise, prove, rounding, stretches
 from monitor.sight import noise_covariance
+from monitor.trials import run_linear
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from monitor.certificate import Guarantee
     from monitor.delayed.report import DelayedDesign
     from monitor.history import Experiment, History
-    from monitor.observers.linear_observer import LinearObserver
+    from monitor.linear_observer import LinearObserver
     from monitor.proof import Proof, Split
     from monitor.scaling import Scaling
 

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from monitor.observers.linear_observer import LinearObserver
+from monitor.linear_observer import LinearObserver
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from monitor.delayed.model import Model, Window
     from monitor.linear import Component, Vector
-    from monitor.observers.protocol import Estimate, Observer
+    from monitor.observer import Estimate, Observer
 
 
 def realise(model: Model, window: Window, L: NDArray[np.float64], R: NDArray[np.float64]) -> LinearObserver:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-from monitor.observers.protocol import Design
+from monitor.observer import Design
 
 if TYPE_CHECKING:
     import numpy as np
@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from monitor.certificate import Certificate, Guarantee
     from monitor.delayed.model import Model
     from monitor.delayed.realisation import ConstantInput
-    from monitor.observers.linear_observer import LinearObserver
+    from monitor.linear_observer import LinearObserver
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

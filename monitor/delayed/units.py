@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from monitor.certificate import Guarantee
     from monitor.delayed.report import DelayedDesign
-    from monitor.observers.linear_observer import LinearObserver
+    from monitor.linear_observer import LinearObserver
     from monitor.scaling import Scaling
 
 

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
     from monitor.detectors.protocol import Detector
     from monitor.linear import Component, Vector
-    from monitor.observers.protocol import Observer
+    from monitor.observer import Observer
 
 KIND = "n_of_m"
 

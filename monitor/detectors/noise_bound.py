@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
 
     from monitor.linear import Component, Flag, Vector
-    from monitor.observers.protocol import Observer
+    from monitor.observer import Observer
 
 KIND = "noise_bound"
 _LONGEST = 100_000  # samples within which an observer forgets

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from monitor.linear import Count, Flag, Vector
-    from monitor.observers.protocol import Observer
+    from monitor.observer import Observer
 
 
 class Phase(IntEnum):

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from monitor.freedom.problem import FreedomOptions, Problem
-    from monitor.observers.linear_observer import LinearObserver
+    from monitor.linear_observer import LinearObserver
 
 _DEFAULT_DECAY = 0.9
 _VISIBLE = 1e-7  # relative: below it no choice makes a bias visible

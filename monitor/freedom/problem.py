@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from monitor.acceptor import Acceptors
-    from monitor.observers.linear_observer import LinearObserver
+    from monitor.linear_observer import LinearObserver
 
 
 class Strategy(Enum):

@@ -11,7 +11,7 @@ from monitor.delayed.known_inputs import KIND, KnownInputOptions, design_known
 from monitor.delayed.realisation import ConstantInput
 from monitor.input_estimators.linear_estimator import LinearInputEstimator
 from monitor.input_estimators.protocol import EstimatorDesign, figures
-from monitor.observers.linear_observer import LinearObserver
+from monitor.linear_observer import LinearObserver
 from monitor.options import parse_options
 
 if TYPE_CHECKING:

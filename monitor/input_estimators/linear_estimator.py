@@ -9,7 +9,7 @@ if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from monitor.linear import Component, Vector
-    from monitor.observers.protocol import Observer
+    from monitor.observer import Observer
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

@@ -13,14 +13,14 @@ from monitor import observers
 from monitor.errors import HistoryError
 from monitor.input_estimators.linear_estimator import LinearInputEstimator
 from monitor.input_estimators.protocol import EstimatorDesign, figures
-from monitor.observers.linear_observer import LinearObserver
-from monitor.observers.trials import right_start, run_linear
+from monitor.linear_observer import LinearObserver
 from monitor.options import parse_options
 from monitor.proof import Trial, hold_back, prove, rounding, stretches
 from monitor.proof import noise as noise_of
 from monitor.regression import regress_states
 from monitor.scaling import norms, spreads
 from monitor.sight import noise_covariance
+from monitor.trials import right_start, run_linear
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

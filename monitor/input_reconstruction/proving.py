@@ -7,14 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from monitor.observers.trials import run_linear
 from monitor.proof import Trial, noise, prove, rounding, stretches
 from monitor.sight import noise_covariance
+from monitor.trials import run_linear
 
 if TYPE_CHECKING:
     from monitor.history import History
     from monitor.input_reconstruction.realisation import Gains
-    from monitor.observers.linear_observer import LinearObserver
+    from monitor.linear_observer import LinearObserver
     from monitor.proof import Proof, Split
     from monitor.scaling import Scaling
 

@@ -7,13 +7,13 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from monitor.observers.protocol import Design
+from monitor.observer import Design
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from monitor.certificate import Certificate
-    from monitor.observers.linear_observer import LinearObserver
+    from monitor.linear_observer import LinearObserver
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

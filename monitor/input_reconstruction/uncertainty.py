@@ -11,7 +11,7 @@ from monitor.sight import accumulated
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from monitor.observers.linear_observer import LinearObserver
+    from monitor.linear_observer import LinearObserver
 
 
 def noise_gain(observer: LinearObserver) -> NDArray[np.float64]:

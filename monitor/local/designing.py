@@ -14,14 +14,14 @@ from monitor.carrying import parsed
 from monitor.certificate import Certificate, DataReport
 from monitor.errors import HistoryError
 from monitor.history import Experiment
-from monitor.observers.linear_observer import LinearObserver
-from monitor.observers.trials import try_observer
+from monitor.linear_observer import LinearObserver
 from monitor.options import parse_options
 from monitor.proof import hold_back, noise, prove, rounding
 from monitor.regression import regress_states
 from monitor.riccati import dual_lqr
 from monitor.scaling import norms, spreads
 from monitor.sight import measure_dynamics, noise_covariance
+from monitor.trials import try_observer
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

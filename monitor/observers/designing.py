@@ -15,14 +15,14 @@ from monitor.data_report import report_data
 from monitor.errors import HistoryError
 from monitor.freedom import FreedomOptions, Problem, Refusal, Strategy, choose
 from monitor.history import data_matrices
-from monitor.observers.protocol import Design
-from monitor.observers.trials import try_observer
+from monitor.observer import Design
 from monitor.output_map import Misfit, identify_output_map
 from monitor.proof import Allowance, hold_back, noise, prove, rounding
 from monitor.rank import RankBasis, RankOptions, decide_rank
 from monitor.scaling import norms, spreads
 from monitor.sight import measure_dynamics, measure_residual, noise_covariance
 from monitor.subspace import Method, averaged, span
+from monitor.trials import try_observer
 from monitor.wording import accepted, blind_reason
 
 if TYPE_CHECKING:
@@ -34,7 +34,7 @@ if TYPE_CHECKING:
     from monitor.behaviour import Behaviour
     from monitor.certificate import DataReport
     from monitor.history import DataMatrices, History
-    from monitor.observers.linear_observer import LinearObserver
+    from monitor.linear_observer import LinearObserver
     from monitor.proof import Proof, Split
     from monitor.rank import RankDecision
     from monitor.scaling import Scaling

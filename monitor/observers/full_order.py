@@ -6,8 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from monitor.linear_observer import LinearObserver
 from monitor.observers.designing import DesignOptions, Shape, design_uio
-from monitor.observers.linear_observer import LinearObserver
 from monitor.observers.predicting import predicting_observer
 from monitor.options import parse_options
 
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from monitor.acceptor import Acceptors
     from monitor.behaviour import Behaviour
     from monitor.history import History
-    from monitor.observers.protocol import Design
+    from monitor.observer import Design
 
 KIND = "full_order"
 

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from monitor.observers.linear_observer import LinearObserver
+from monitor.linear_observer import LinearObserver
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -26,8 +26,8 @@ if TYPE_CHECKING:
     from monitor.acceptor import Acceptors
     from monitor.behaviour import Behaviour
     from monitor.history import History
-    from monitor.observers.linear_observer import LinearObserver
-    from monitor.observers.protocol import Design
+    from monitor.linear_observer import LinearObserver
+    from monitor.observer import Design
 
 KIND = "reduced_order"
 _RANK = 1e-9  # relative: rounding in C

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import replace
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from monitor.backstop import guarded
 from monitor.certificate import Certificate
 from monitor.history import sent_outputs
-from monitor.observers import full_order, reduced_order
-from monitor.observers.protocol import Design
+from monitor.observer import Design
+from monitor.observers import delayed, full_order, reduced_order, uie
 from monitor.options import check_kind
 
 if TYPE_CHECKING:
@@ -19,23 +18,12 @@ if TYPE_CHECKING:
     from monitor.history import History
 
 
-def _of(module: str, name: str = "design") -> Callable[[History, Mapping[str, object]], Design]:
-    """A design method whose module imports this package, so that it cannot be imported from here at the start."""
-
-    def design(history: History, options: Mapping[str, object]) -> Design:
-        method: Any = getattr(import_module(module), name)
-        made: Design = method(history, options)
-        return made
-
-    return design
-
-
 KINDS: dict[str, Callable[[History, Mapping[str, object]], Design]] = {
     full_order.KIND: full_order.design,
     reduced_order.KIND: reduced_order.design,
-    "delayed": _of("monitor.observers.delayed"),
-    "op_uie": _of("monitor.observers.uie", "design_open_loop"),
-    "cl_uie": _of("monitor.observers.uie", "design_closed_loop"),
+    "delayed": delayed.design,
+    "op_uie": uie.design_open_loop,
+    "cl_uie": uie.design_closed_loop,
 }
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from monitor.certificate import Certificate
 from monitor.input_reconstruction import CLOSED_LOOP, OPEN_LOOP, applied_as_inputs
 from monitor.input_reconstruction import design as design_inputs
-from monitor.observers.protocol import Design
+from monitor.observer import Design
 
 if TYPE_CHECKING:
     from collections.abc import Mapping

@@ -10,7 +10,7 @@ import pytest
 
 from monitor.history import Experiment, History, single
 from monitor.observers import LinearObserver, design
-from monitor.observers.trials import try_observer
+from monitor.trials import try_observer
 
 if TYPE_CHECKING:
     from collections.abc import Callable

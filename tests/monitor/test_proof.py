@@ -10,8 +10,8 @@ import pytest
 
 from monitor.history import Experiment, History, single
 from monitor.observers import LinearObserver, design
-from monitor.observers.trials import try_observer
 from monitor.proof import Allowance, Trial, hold_back, prove, stretches
+from monitor.trials import try_observer
 from monitor.wording import describe
 
 if TYPE_CHECKING:

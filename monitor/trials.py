@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from monitor.observers.linear_observer import LinearObserver
+from monitor.linear_observer import LinearObserver
 from monitor.proof import Trial, stretches
 
 if TYPE_CHECKING:
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
     from monitor.history import Experiment, History
     from monitor.linear import Vector
-    from monitor.observers.protocol import Observer
+    from monitor.observer import Observer
 
 
 def try_observer(

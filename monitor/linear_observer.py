@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monitor.linear import Component, Matrix, Vector, matvec, rows_of
-from monitor.observers.protocol import Estimate
+from monitor.observer import Estimate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
