@@ -109,7 +109,7 @@ def _placed(A: NDArray[np.float64], C: NDArray[np.float64], poles: NDArray[np.fl
             break
     else:
         return None
-    reached = np.linalg.solve(shifted, C.T)  # (s, s, r): pole, state, row
+    reached = np.linalg.solve(shifted, np.broadcast_to(C.T, (s, s, r)))  # (s, s, r): pole, state, row
     X = np.einsum("ijk,cki->cji", reached, draws[:-1])
     sizes = np.linalg.norm(X, axis=1)
     if not np.min(sizes) > 0.0:

@@ -13,7 +13,7 @@ from tests.fuzz.bounded import bounded_outcome
 from tests.fuzz.fresh import Misfit, Run, fresh_run, linear_of, misfit, outputs_of, steps_for
 from tests.fuzz.judge import Outcome, Result, acceptance, refusal
 from tests.fuzz.oracle import UNCLEAR, Answer, Evidence, Truth, effective, evidence, observer_truth
-from tests.fuzz.plants import Limits, Plant, draw_plant
+from tests.fuzz.plants import Limits, Plant, draw_plant, rank_of
 from tests.fuzz.recordings import Needs, Recording, draw_recording
 from tests.fuzz.stated import stated_error
 from tests.fuzz.units import Twin, depends, twin_of
@@ -86,7 +86,7 @@ def _what_is_known(
 ) -> None:
     """Sometimes the number of unknown inputs or the noise is given, and right."""
     E, _, T = effective(plant)
-    if generator.random() < 0.3 and np.linalg.matrix_rank(E) == len(T):
+    if generator.random() < 0.3 and rank_of(E) == len(T):
         options["unknown_inputs"] = len(T)
     if recording.quality in {"noise", "single"} and len(plant.A) > LARGE:
         options["method"] = "total_least_squares"  # the likelihood of a large plant takes minutes

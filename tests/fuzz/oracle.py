@@ -111,7 +111,7 @@ def _balanced(rows: Floats) -> Floats:
 def _moved(R: Floats, W: Floats, maps: tuple[Floats, Floats, Floats], F: Floats, *, direct: bool) -> float:
     """Weakest independent motion that the unknown inputs cause, relative to how the states move."""
     E, G, C = maps
-    if not len(W):
+    if not len(W) or not E.size:
         return 1.0
     right = np.linalg.svd(_balanced(R), full_matrices=False)[2] if len(R) else np.zeros((0, W.shape[1]))
     rest = W - (W @ right.T) @ right

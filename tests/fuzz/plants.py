@@ -18,6 +18,11 @@ if TYPE_CHECKING:
 _NEAR = (0.0, 1e-9, 1e-7, 1e-5, 1e-3)  # distances of a zero from the circle
 
 
+def rank_of(matrix: Floats) -> int:
+    """Rank; 0 of an empty matrix (numpy before 2 refuses it)."""
+    return int(np.linalg.matrix_rank(matrix)) if matrix.size else 0
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Plant:
     """A (n, n), B (n, m), E (n, m_d), C (p, n), D (p, m), G (p, m_d); u is known online, d is not."""

@@ -14,6 +14,7 @@ from tests.fuzz.grids import Grid, GridUnits, Log, draw_grid, draw_log, violatio
 from tests.fuzz.judge import Outcome, Result, refusal
 from tests.fuzz.observers import generator_of
 from tests.fuzz.oracle import Answer, Evidence, Truth, judged_margin
+from tests.fuzz.plants import rank_of
 from tests.fuzz.zeros import half_plane_margin, zero_margins
 
 if TYPE_CHECKING:
@@ -37,7 +38,7 @@ def try_distributed(kind: str, seed: int) -> Result:
     if discrete and generator.random() < 0.5:
         options["structure"] = "mutual"
     if generator.random() < 0.3 or log.quality != "exact":
-        options["unknown_inputs"] = tuple(int(np.linalg.matrix_rank(grid.unknown(i))) for i in nodes)
+        options["unknown_inputs"] = tuple(rank_of(grid.unknown(i)) for i in nodes)
     ring = [(i, (i + 1) % len(grid.C)) for i in nodes]
     data = [log.regressors(grid, i, discrete=discrete) for i in nodes]
     made = design(data, linked(len(grid.C), ring), options)
