@@ -25,6 +25,45 @@ Progress = Callable[[int, int], None]
 
 
 @final
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """Which messages of a recording count, and in which order.
+
+    Attributes:
+        numbers: Their places in the file; None: all of them, as they stand there, which takes no memory.
+    """
+
+    numbers: NDArray[np.intp] | None
+
+    @classmethod
+    def between(cls, recording: Recording, start_ns: int, stop_ns: int) -> "Kept":
+        """Those with a stamp in [start, stop)."""
+        stamps = recording.stamps_ns
+        if len(stamps) and start_ns <= stamps.min() and stamps.max() < stop_ns:
+            return cls(None)
+        return cls(np.flatnonzero((stamps >= start_ns) & (stamps < stop_ns)))
+
+    def stamps(self, recording: Recording) -> NDArray[np.int64]:
+        """Their stamps [ns]."""
+        return recording.stamps_ns if self.numbers is None else recording.stamps_ns[self.numbers]
+
+    def ordered(self, recording: Recording) -> "Kept":
+        """The same in the order of their stamps; those of one stamp as they stand in the file."""
+        stamps = self.stamps(recording)
+        if not np.any(stamps[1:] < stamps[:-1]):
+            return self
+        order = np.argsort(stamps, kind="stable")
+        return Kept(order if self.numbers is None else self.numbers[order])
+
+    def parts(self, recording: Recording, most: int) -> Iterator[NDArray[np.intp]]:
+        """Their places, at most so many at a time."""
+        count = len(recording.stamps_ns) if self.numbers is None else len(self.numbers)
+        for start in range(0, count, most):
+            stop = min(start + most, count)
+            yield np.arange(start, stop) if self.numbers is None else self.numbers[start:stop]
+
+
+@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Samples:
     """Samples of consecutive instants.
@@ -88,7 +127,7 @@ class Grid:
     not_finite: dict[str, int] = field(default_factory=dict)
     start_ns: int = 0
     _recordings: tuple[Recording, ...] = field(repr=False)
-    _orders: tuple[NDArray[np.intp], ...] = field(repr=False)
+    _kept: tuple[Kept, ...] = field(repr=False)
     _span: tuple[int, int] = field(repr=False)
     _progress: Progress = field(repr=False)
 
@@ -120,25 +159,6 @@ class Grid:
         if self.settings.policy is Policy.REFUSE:
             _check_regular(self.source, self.regularities, states[0], self.settings, self.period_ns)
 
-    def whole(self) -> Samples:
-        """All rows at once.
-
-        Raises:
-            BagError: As `blocks`.
-        """
-        found = list(self.blocks())
-        if not found:
-            return self._samples([])
-        first = found[0]
-        return Samples(
-            first_ns=first.first_ns,
-            present=np.concatenate([one.present for one in found]),
-            values=np.concatenate([one.values for one in found]),
-            fields=first.fields,
-            tracks=first.tracks,
-            units=first.units,
-        )
-
     def document(self) -> dict[str, Any]:
         """For a JSON document."""
         return {
@@ -154,10 +174,10 @@ class Grid:
     def _rows(self, sampler: Sampler, states: list[SamplerState]) -> Iterator[Row]:
         """All messages in the order of their stamps, through the sampler; the state is left in the list."""
         state = states[0]
-        total = sum(len(one) for one in self._orders)
+        total = sum(one.messages for one in self.regularities)
         streams = [
-            _messages(track, one, order)
-            for track, (one, order) in enumerate(zip(self._recordings, self._orders, strict=True))
+            _messages(track, one, kept)
+            for track, (one, kept) in enumerate(zip(self._recordings, self._kept, strict=True))
         ]
         latest = self._span[1] + self.period_ns // 2
         before: int | None = None
@@ -231,11 +251,11 @@ def put_on_grid(
     """
     kept = _cut(source, recordings, window_sec)
     first = recordings[0]
-    period = period_ns or _detected(source, first.name, first.stamps_ns[kept[0]])
+    period = period_ns or _detected(source, first.name, kept[0].stamps(first))
     # what is bridged may come more slowly than the grid
     expected = period if settings.policy in {Policy.REFUSE, Policy.NEAREST} else None
     looks = tuple(
-        regularity(one.name, one.stamps_ns, one.values, expected, rows)
+        regularity(one.name, rows.stamps(one), one.values, expected, rows.numbers)
         for one, rows in zip(recordings, kept, strict=True)
     )
     _check_rates(source, looks, settings, period)
@@ -246,28 +266,23 @@ def put_on_grid(
         regularities=looks,
         settings=settings,
         _recordings=tuple(recordings),
-        _orders=tuple(
-            rows[np.argsort(one.stamps_ns[rows], kind="stable")] for one, rows in zip(recordings, kept, strict=True)
-        ),
+        _kept=tuple(rows.ordered(one) for one, rows in zip(recordings, kept, strict=True)),
         _span=_span(source, looks, period, common=common),
         _progress=progress,
     )
 
 
-def _messages(track: int, recording: Recording, order: NDArray[np.intp]) -> Iterator[tuple[int, int, int, Values]]:
+def _messages(track: int, recording: Recording, kept: Kept) -> Iterator[tuple[int, int, int, Values]]:
     """Stamp, track, number and values of the messages of a track in the order of their stamps."""
-    for start in range(0, len(order), _AT_ONCE):
-        rows = order[start : start + _AT_ONCE]
+    number = 0
+    for rows in kept.parts(recording, _AT_ONCE):
         stamps = recording.stamps_ns[rows].tolist()
-        for number, (stamp, values) in enumerate(
-            zip(stamps, recording.values[rows].tolist(), strict=True), start=start
-        ):
+        for stamp, values in zip(stamps, recording.values[rows].tolist(), strict=True):
             yield stamp, track, number, tuple(values)
+            number += 1
 
 
-def _cut(
-    source: Path, recordings: Sequence[Recording], window_sec: tuple[float, float | None]
-) -> list[NDArray[np.intp]]:
+def _cut(source: Path, recordings: Sequence[Recording], window_sec: tuple[float, float | None]) -> list[Kept]:
     """Which messages of each recording are in the window."""
     begin = min(int(one.stamps_ns.min()) for one in recordings)
     start_sec, stop_sec = window_sec
@@ -275,8 +290,8 @@ def _cut(
     stop = 2**63 - 1 if stop_sec is None else begin + round(stop_sec * 1e9)
     found = []
     for one in recordings:
-        kept = np.flatnonzero((one.stamps_ns >= start) & (one.stamps_ns < stop))
-        if not len(kept):
+        kept = Kept.between(one, start, stop)
+        if kept.numbers is not None and not len(kept.numbers):
             raise BagError(
                 f"{source}: {one.name} holds no message from {start_sec:g} s to "
                 f"{'the end' if stop_sec is None else f'{stop_sec:g} s'}, expected some"

@@ -2,10 +2,11 @@
 
 import json
 import shutil
+from array import array
 from collections.abc import Callable, Iterator, Sequence
 from collections.abc import Mapping as MappingType
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
 from typing import Any, final
@@ -109,46 +110,92 @@ def import_histories(
     if not mapping.histories:
         raise BagError(f"{source}: the mapping has no key histories, expected what to make histories of")
     _check_absent(out)
-    grids: dict[str, Grid] = {}
-    notes: list[str] = []
-    found: dict[int, list[dict[str, NDArray[np.float64]]]] = {}
-    period = mapping.period_ns
-    for position, one in enumerate(mapping.histories):
-        signals = [signal for table in one.tables.values() for signal in table]
-        job = _Job(source=source, mapping=mapping, known=known, progress=progress)
-        grid, said = job.grid(signals, window_sec=(one.start_sec, one.stop_sec), period_ns=period)
-        notes += said
-        period = grid.period_ns
-        pieces = _experiments(grid.whole(), one)
-        if not pieces:
-            raise BagError(f"{source}: histories.{position} has no two consecutive samples, expected more")
-        found.setdefault(one.dgu, []).extend(pieces)
-        grids[f"histories.{position}"] = grid
-    records = [
-        HistoryRecord(
-            dgu=dgu, experiment=number, experiments=len(pieces), sampling_period_sec=(period or 0) * 1e-9, **one
-        )
-        for dgu, pieces in sorted(found.items())
-        for number, one in enumerate(pieces)
-    ]
-    report = ImportReport(
-        out=out,
-        grids=grids,
-        samples=sum(len(record.y) for record in records),
-        missing=sum(int((~np.isfinite(np.hstack([record.y, record.x]))).any(axis=1).sum()) for record in records),
-        experiments={dgu: len(pieces) for dgu, pieces in found.items()},
-        notes=tuple(notes),
-    )
-    topics = run_topics(sorted(found), (), 1)
-    codecs = {dgu: topics.history(dgu) for dgu in topics.dgus}
-    with BagWriter(
-        out, [codec.topic for codec in codecs.values()], custom_data={"imported_from": source.name}
-    ) as writer:
+    topics = run_topics(sorted({one.dgu for one in mapping.histories}), (), 1)
+    job = _Histories(source=source, mapping=mapping, known=known, progress=progress, period_ns=mapping.period_ns)
+    announced = [topics.history(dgu).topic for dgu in topics.dgus]
+    custom = {"imported_from": source.name}
+    with _removed_on_failure(out), BagWriter(out, announced, custom_data=custom) as writer:
         attach_mapping(writer, mapping)
+        for dgu in dict.fromkeys(one.dgu for one in mapping.histories):  # in turn: each is as long as the recording
+            for record in job.records(dgu):
+                writer.write(topics.history(dgu).topic.name, 0, topics.history(dgu).encode(record))
+        report = job.report(out)
         attach_report(writer, report)
-        for record in records:
-            writer.write(codecs[record.dgu].topic.name, 0, codecs[record.dgu].encode(record))
     return report
+
+
+@final
+@dataclass(slots=True, kw_only=True)
+class _Histories:
+    """Makes the histories of one DGU after the other.
+
+    Attributes:
+        period_ns: T_s, as stated, or as the first entry has it; None before that.
+        grids: How each entry was sampled.
+        samples: Rows so far.
+        missing: Those among them in which something is missing.
+        experiments: Of each DGU so far, how many.
+        notes: What a person should know.
+    """
+
+    source: Path
+    mapping: Mapping
+    known: Known | None
+    progress: Progress
+    period_ns: int | None
+    grids: dict[str, Grid] = field(default_factory=dict)
+    samples: int = 0
+    missing: int = 0
+    experiments: dict[int, int] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+    def records(self, dgu: int) -> Iterator[HistoryRecord]:
+        """The experiments of a DGU.
+
+        Raises:
+            BagError: As `import_histories`.
+        """
+        pieces: list[dict[str, NDArray[np.float64]]] = []
+        for position, one in enumerate(self.mapping.histories):
+            if one.dgu == dgu:
+                pieces += self._pieces(position, one)
+        self.experiments[dgu] = len(pieces)
+        for number, tables in enumerate(pieces):
+            record = HistoryRecord(
+                dgu=dgu,
+                experiment=number,
+                experiments=len(pieces),
+                sampling_period_sec=(self.period_ns or 0) * 1e-9,
+                **tables,
+            )
+            self.samples += len(record.y)
+            there = np.isfinite(record.y).all(axis=1) & np.isfinite(record.x).all(axis=1)
+            self.missing += int((~there).sum())
+            yield record
+
+    def report(self, out: Path) -> ImportReport:
+        """What became of the recording."""
+        return ImportReport(
+            out=out,
+            grids=self.grids,
+            samples=self.samples,
+            missing=self.missing,
+            experiments=self.experiments,
+            notes=tuple(self.notes),
+        )
+
+    def _pieces(self, position: int, mapping: HistoryMapping) -> list[dict[str, NDArray[np.float64]]]:
+        signals = [signal for table in mapping.tables.values() for signal in table]
+        job = _Job(source=self.source, mapping=self.mapping, known=self.known, progress=self.progress)
+        window = (mapping.start_sec, mapping.stop_sec)
+        grid, said = job.grid(signals, window_sec=window, period_ns=self.period_ns)
+        self.notes += said
+        self.period_ns = grid.period_ns
+        pieces = _experiments(grid.blocks(), mapping)
+        if not pieces:
+            raise BagError(f"{self.source}: histories.{position} has no two consecutive samples, expected more")
+        self.grids[f"histories.{position}"] = grid
+        return pieces
 
 
 def import_streams(
@@ -278,17 +325,29 @@ class _Job:
         return grid, [*read.notes, *(one for one in units if one)]
 
 
-def _experiments(samples: Samples, mapping: HistoryMapping) -> list[dict[str, NDArray[np.float64]]]:
+def _experiments(blocks: Iterator[Samples], mapping: HistoryMapping) -> list[dict[str, NDArray[np.float64]]]:
     """Tables of each stretch between long gaps; within it, what is missing is NaN."""
-    present = np.flatnonzero(samples.present.any(axis=1))
+    distinct = {signals: array("d") for signals in mapping.tables.values()}  # outputs that are the states: once
+    there: list[NDArray[np.bool_]] = []
+    for block in blocks:
+        there.append(np.asarray(block.present.any(axis=1), dtype=np.bool_))
+        for signals, numbers in distinct.items():
+            numbers.frombytes(np.ascontiguousarray(block.table(signals)).tobytes())
+    present = np.flatnonzero(np.concatenate(there)) if there else np.empty(0, dtype=np.intp)
     if not len(present):
         return []
+    rows = sum(len(one) for one in there)
+    tables = {name: _table(distinct[signals], rows, len(signals)) for name, signals in mapping.tables.items()}
     cuts = np.flatnonzero(np.diff(present) > LONGEST_GAP_ROWS) + 1
-    tables = {name: samples.table(signals) for name, signals in mapping.tables.items()}
     spans = [(int(part[0]), int(part[-1]) + 1) for part in np.split(present, cuts)]
     return [
         {name: table[start:end] for name, table in tables.items()} for start, end in spans if end - start >= _SHORTEST
     ]
+
+
+def _table(numbers: "array[float]", rows: int, columns: int) -> NDArray[np.float64]:
+    """Numbers as a table, in place."""
+    return np.frombuffer(numbers, dtype=np.float64).reshape(rows, columns) if numbers else np.empty((rows, columns))
 
 
 @final

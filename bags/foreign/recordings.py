@@ -175,7 +175,7 @@ class _BagJob:
         for topic, paths in self.paths.items():
             if not stamps[topic]:
                 raise BagError(f"{self.source}: {topic} holds no message, expected at least one")
-            times = np.array(stamps.pop(topic), dtype=np.int64)
+            times = np.frombuffer(stamps[topic], dtype=np.int64)  # no copy: of an hour that is 60 MB
             if self.by_header and not times.any():
                 return None
             rows: Rows = values[topic]

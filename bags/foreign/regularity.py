@@ -12,6 +12,7 @@ _ROUND_DIGITS = 3
 _ROUND_WITHIN = 1e-3  # a period this close to a number of three digits is that number
 _GAP = 1.5  # steps longer than this many periods are gaps
 _SHOWN_GAPS = 5
+_AT_ONCE = 4096  # messages in memory
 
 
 @final
@@ -105,20 +106,17 @@ def regularity(
 
     Args:
         name: Topic or file.
-        stamps_ns: In the order of the file, shape (messages,), at least one.
-        values: What each message says, shape (messages, signals).
+        stamps_ns: Of the messages that count, in the order of the file, shape (messages,), at least one.
+        values: What each message of the file says, shape (messages of the file, signals).
         period_ns: T_s if it is known, else the median step counts.
-        rows: Which messages count; None: all.
+        rows: Places of the messages that count, shape (messages,); None: all.
     """
-    if rows is not None:
-        stamps_ns = stamps_ns[rows]
-    order = np.argsort(stamps_ns, kind="stable")
-    ordered = stamps_ns[order]
+    disordered = int((stamps_ns < np.maximum.accumulate(stamps_ns)).sum())
+    order = np.argsort(stamps_ns, kind="stable") if disordered else None
+    ordered = stamps_ns if order is None else stamps_ns[order]
     steps = np.diff(ordered)
     same = steps == 0
-    places = order if rows is None else rows[order]
-    before, after = values[places[:-1][same]], values[places[1:][same]]
-    agree = ((before == after) | (np.isnan(before) & np.isnan(after))).all(axis=1)
+    conflicting = _conflicting(values, np.flatnonzero(same), order, rows)
     steps, ends = steps[~same], ordered[1:][~same]
     period = float(np.median(steps)) if len(steps) else float("nan")
     wanted = period if period_ns is None else float(period_ns)
@@ -135,9 +133,25 @@ def regularity(
         worst_jitter_sec=float(off.max()) * 1e-9 if len(off) else 0.0,
         gaps=tuple(Gap(after_sec=after * 1e-9, length_sec=length * 1e-9) for after, length in gaps),
         repeated=int(same.sum()),
-        conflicting=int((~agree).sum()),
-        out_of_order=int((stamps_ns < np.maximum.accumulate(stamps_ns)).sum()),
+        conflicting=conflicting,
+        out_of_order=disordered,
     )
+
+
+def _conflicting(
+    values: Rows, same: NDArray[np.intp], order: NDArray[np.intp] | None, rows: NDArray[np.intp] | None
+) -> int:
+    """How many messages say something else than the one before them that has their stamp."""
+    found = 0
+    for start in range(0, len(same), _AT_ONCE):
+        before, after = same[start : start + _AT_ONCE], same[start : start + _AT_ONCE] + 1
+        if order is not None:
+            before, after = order[before], order[after]
+        if rows is not None:
+            before, after = rows[before], rows[after]
+        old, new = values[before], values[after]
+        found += int((~((old == new) | (np.isnan(old) & np.isnan(new))).all(axis=1)).sum())
+    return found
 
 
 def detected_period_ns(stamps_ns: NDArray[np.int64]) -> int | None:

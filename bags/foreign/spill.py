@@ -48,11 +48,19 @@ class SpilledRows:
         return (self._stored + len(self._tail)) // self._columns
 
     def __getitem__(self, indices: NDArray[np.intp]) -> NDArray[np.float64]:
-        """Some rows, shape (indices, columns); everything between the first and the last one is read."""
-        if not len(indices):
-            return np.empty((0, self._columns))
-        first, last = int(indices.min()), int(indices.max()) + 1
-        return self._span(first * self._columns, last * self._columns).reshape(-1, self._columns)[indices - first]
+        """Some rows, shape (indices, columns); what lies between near ones is read with them."""
+        found = np.empty((len(indices), self._columns))
+        order = np.argsort(indices, kind="stable")
+        ordered, most = indices[order], max(_KEPT // self._columns, 1)
+        start = 0
+        while start < len(ordered):
+            first = int(ordered[start])
+            stop = int(np.searchsorted(ordered, first + most))
+            last = int(ordered[stop - 1]) + 1
+            rows = self._span(first * self._columns, last * self._columns).reshape(-1, self._columns)
+            found[order[start:stop]] = rows[ordered[start:stop] - first]
+            start = stop
+        return found
 
     def _span(self, start: int, end: int) -> NDArray[np.float64]:
         parts = []

@@ -8,6 +8,7 @@ from typing import NamedTuple, final
 from bags.mcap.errors import BagError
 from bags.mcap.recording import TopicFilter
 from bags.runs.played import CDR, PlayedTopic, Source, open_source
+from bags.sources.recorded import Known
 from bags.wire.schema import SECOND_PUBLISHER
 
 CLOCK_TOPIC = "/clock"
@@ -54,6 +55,7 @@ class Playback:
         path: The bag.
         topics: The topics to be played, by their names in the bag.
         left_out: Why a selected topic is not played, by name.
+        counts: Number of messages of each selected topic in the whole bag, played or not.
         names: Name on the wire of each topic to be played.
         start_ns: Stamp where it starts [ns].
         end_ns: Stamp up to which it goes [ns].
@@ -63,6 +65,7 @@ class Playback:
     path: Path
     topics: Mapping[str, PlayedTopic]
     left_out: Mapping[str, str]
+    counts: Mapping[str, int]
     names: Mapping[str, str]
     start_ns: int
     end_ns: int
@@ -106,17 +109,18 @@ class Playback:
         return found
 
 
-def open_playback(path: Path, selection: Selection) -> Playback:
+def open_playback(path: Path, selection: Selection, known: Known | None = None) -> Playback:
     """Open a bag for playing.
 
     Args:
         path: The bag's directory; ours, or a rosbag2 directory (MCAP or sqlite3) of another program.
         selection: What of it.
+        known: Definitions for what the bag does not define itself.
 
     Raises:
         BagError: The bag cannot be read, or nothing of it is selected: one line.
     """
-    source = open_source(path)
+    source = open_source(path, known)
     for name in (*selection.remap, *selection.replaced):
         if name not in source.topics:
             raise BagError(f"{path}: holds no topic {name!r}, expected one of {' '.join(source.topics):.200}")
@@ -142,6 +146,7 @@ def open_playback(path: Path, selection: Selection) -> Playback:
         path=path,
         topics=topics,
         left_out=left_out,
+        counts={name: topic.count for name, topic in chosen.items()},
         names={name: selection.remap.get(name, _on_the_wire(name)) for name in topics},
         start_ns=start_ns,
         end_ns=end_ns,

@@ -1,9 +1,9 @@
 """What a bag of any origin offers for playing: its topics, and its messages one after the other."""
 
-from collections.abc import Collection, Iterator, Mapping
-from dataclasses import dataclass
+from collections.abc import Collection, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple, Protocol, final
+from typing import Any, NamedTuple, Protocol, TypeAlias, final
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -15,9 +15,11 @@ from bags.mcap.errors import BagError
 from bags.mcap.frames import FRAME
 from bags.mcap.typestore import PACKAGE
 from bags.sources.latching import is_latched
-from bags.sources.recorded import Recorded, open_recorded
+from bags.sources.recorded import Known, Recorded, open_recorded
 
 CDR = "cdr"
+# fields of a message type and of all types inside it, by name, as rosbags keeps them
+Layout: TypeAlias = Mapping[str, Sequence[tuple[str, Any]]]
 
 
 @final
@@ -32,6 +34,7 @@ class PlayedTopic:
         encoding: Of its messages; only `cdr` can be published.
         latched: Whether a late subscriber got what was published before.
         count: Number of messages.
+        layouts: What its messages are laid out by, as far as the bag or `--definitions` say so.
     """
 
     name: str
@@ -40,6 +43,7 @@ class PlayedTopic:
     encoding: str
     latched: bool
     count: int
+    layouts: tuple[Layout, ...] = field(default=(), repr=False)
 
 
 class PlayedMessage(NamedTuple):
@@ -73,11 +77,12 @@ class Source(Protocol):
         """Messages with stamps in [start_ns, end_ns], in the order of the bag."""
 
 
-def open_source(path: Path) -> Source:
+def open_source(path: Path, known: Known | None = None) -> Source:
     """Open a bag for playing: ours, or one by any other program that writes rosbag2 (MCAP or sqlite3).
 
     Args:
         path: The bag's directory.
+        known: Definitions for what the bag does not define itself.
 
     Raises:
         BagError: Not a bag, not closed, or damaged: one line.
@@ -85,8 +90,8 @@ def open_source(path: Path) -> Source:
     try:
         container = open_container(path)
     except BagError:
-        return _RecordedSource.of(path)
-    return _ChunkSource.of(container) if is_ours(container) else _RecordedSource.of(path)
+        return _RecordedSource.of(path, known)
+    return _ChunkSource.of(container) if is_ours(container) else _RecordedSource.of(path, known)
 
 
 def is_ours(container: Container) -> bool:
@@ -177,8 +182,8 @@ class _RecordedSource:
     attachments: Mapping[str, bytes]
 
     @classmethod
-    def of(cls, path: Path) -> "_RecordedSource":
-        with open_recorded(path) as recorded:
+    def of(cls, path: Path, known: Known | None) -> "_RecordedSource":
+        with open_recorded(path, known) as recorded:
             start_ns, end_ns = 2**63 - 1, -(2**63)
             for message in recorded.messages(recorded.channels):
                 start_ns, end_ns = min(start_ns, message.time_ns), max(end_ns, message.time_ns)
@@ -213,4 +218,5 @@ def _played(recorded: Recorded, topic: str) -> PlayedTopic:
         encoding=" and ".join(encodings),
         latched=any(one.latched for one in channels),
         count=sum(recorded.channels[one] for one in channels),
+        layouts=tuple(found.fields for one in channels if not isinstance(found := recorded.decoders[one], str)),
     )

@@ -6,7 +6,7 @@ from typing import Any, final
 
 from bags.mcap.bag import TopicInfo, open_bag
 from bags.mcap.errors import BagError
-from bags.sources.recorded import open_recorded
+from bags.sources.recorded import Known, open_recorded
 
 
 @final
@@ -46,8 +46,12 @@ class Contents:
         }
 
 
-def contents(path: Path) -> Contents:
+def contents(path: Path, known: Known | None = None) -> Contents:
     """Look into a recording; ours are not gone through, others once.
+
+    Args:
+        path: The recording.
+        known: Definitions for what it does not define itself.
 
     Raises:
         BagError: It cannot be read.
@@ -66,7 +70,7 @@ def contents(path: Path) -> Contents:
                     attachments=tuple(bag.attachments),
                     notes=(),
                 )
-    with open_recorded(path) as recorded:
+    with open_recorded(path, known) as recorded:
         start_ns, end_ns = 2**63, -(2**63)
         for message in recorded.messages(recorded.channels):
             start_ns, end_ns = min(start_ns, message.time_ns), max(end_ns, message.time_ns)
@@ -78,11 +82,12 @@ def contents(path: Path) -> Contents:
             )
             for topic, channels in recorded.topics.items()
         )
+        unreadable = [(one.name, recorded.unreadable(one.name)) for one in topics if one.count]
         there = end_ns >= start_ns
         return Contents(
             topics=topics,
             start_ns=start_ns if there else 0,
             end_ns=end_ns if there else 0,
             attachments=tuple(recorded.attachments),
-            notes=recorded.notes,
+            notes=(*recorded.notes, *(f"{name}: cannot be read: {reason}" for name, reason in unreadable if reason)),
         )

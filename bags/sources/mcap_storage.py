@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, final
 
+import numpy as np
 from mcap.opcode import Opcode
 
 from bags.mcap.chunk import MESSAGE_HEAD, MESSAGE_HEAD_LENGTH
@@ -56,13 +57,15 @@ class McapStorage:
                         yield RawMessage(channel, time_ns, found.record[MESSAGE_HEAD_LENGTH:])
                 continue
             content, table = found.chunk.content, found.table
+            numbers = np.unique(table.channel_ids).tolist()
+            of_interest = [number for number in numbers if self._known(by_id, number) is not None]
+            rows = np.flatnonzero(np.isin(table.channel_ids, of_interest))
             for start, end, number in zip(
-                table.starts.tolist(), table.ends.tolist(), table.channel_ids.tolist(), strict=True
+                table.starts[rows].tolist(), table.ends[rows].tolist(), table.channel_ids[rows].tolist(), strict=True
             ):
-                channel = self._known(by_id, number)
+                channel = by_id[number]
                 if channel is not None:
-                    time_ns = unpack(content, start)[4]
-                    yield RawMessage(channel, time_ns, content[start + _BODY : end])
+                    yield RawMessage(channel, unpack(content, start)[4], content[start + _BODY : end])
 
     def close(self) -> None:
         """Close the file."""

@@ -27,9 +27,9 @@ Json = Annotated[bool, typer.Option("--json", help="print the result as one JSON
 
 
 @app.command()
-def info(bag: Bag, *, json: Json = False) -> None:
-    """Show topics, counts, duration and attachments of a bag."""
-    found = contents(bag)
+def info(bag: Bag, *, definitions: Definitions = None, json: Json = False) -> None:
+    """Show topics, counts, duration and attachments of a bag, and which topics cannot be read."""
+    found = contents(bag, known_definitions(definitions))
     if json:
         typer.echo(json_module.dumps({"bag": str(bag), **found.document()}))
     else:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from bags.mcap.recording import TopicFilter
+from bags.sources.recorded import Known
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -20,6 +21,7 @@ class PublishOptions:
         monitors: start the monitor nodes of the run on the published data.
         attached: nodes that somebody else starts on it.
         domain: ROS domain id, None: a free one for monitors of our own, else that of the environment.
+        known: definitions of types that the bag does not define itself.
         out: folder for the logs of the monitors, None: a new one below `out`.
     """
 
@@ -35,4 +37,5 @@ class PublishOptions:
     monitors: bool = False
     attached: Sequence[str] = ()
     domain: int | None = None
+    known: Known = field(default_factory=Known)
     out: Path | None = None

@@ -10,6 +10,7 @@ import typer
 
 from bags.mcap.recording import TopicFilter
 from dcmg.commands import replay_options as options  # noqa: TC001 (typer reads the annotations)
+from dcmg.commands.definitions import Definitions, known_definitions
 from dcmg.commands.publish_options import PublishOptions
 from dcmg.commands.replay_job import MonitorChanges, evaluate
 from dcmg.errors import CommandError
@@ -45,11 +46,13 @@ def replay(
     monitors: options.Monitors = False,
     attach: options.Attach = None,
     domain: options.Domain = None,
+    definitions: Definitions = None,
 ) -> None:
     """Feed recorded data to the monitors of the run or to others, or publish it into ROS.
 
     Without options every residual comes out as recorded, bit for bit. While publishing on a terminal, space pauses and
     goes on, right goes on by one step, up and down change the rate by a tenth; `dcmg player` does so from elsewhere.
+    Exit code 3 when a topic with messages cannot be published: it is named, counted and left out.
     """
     overrides = [
         *_changes("observer", observer, observer_option or []),
@@ -62,6 +65,7 @@ def replay(
             {"--rate": rate != "1", "--start-offset": start_offset, "--duration": duration, "--loop": loop}
             | {"--paused": paused, "--topics": topics, "--exclude": exclude, "--remap": remap}
             | {"--wait-for": wait_for, "--monitors": monitors, "--attach": attach, "--domain": domain is not None}
+            | {"--definitions": definitions}
         )
         raise typer.Exit(evaluate(bag, changes, out=out, json=json))
     chosen = PublishOptions(
@@ -77,6 +81,7 @@ def replay(
         monitors=monitors,
         attached=tuple(attach or ()),
         domain=domain,
+        known=known_definitions(definitions),
         out=out,
     )
     publish_bag = joined("replay.publish", "dcmg replay --publish")
@@ -110,6 +115,6 @@ def _rate(text: str) -> float:
 
 def _remapping(text: str) -> tuple[str, str]:
     old, separator, new = text.partition(":=")
-    if not (separator and old.startswith("/") and new):
+    if not (separator and old and new):
         raise CommandError(f"--remap {text}: expected OLD:=NEW, as in /dgu_1/output:=/lab/output")
     return old, new

@@ -5,6 +5,7 @@ from __future__ import annotations
 import datetime as dt
 import json as json_module
 import os
+import sys
 from contextlib import ExitStack
 from dataclasses import dataclass
 from importlib import resources
@@ -17,6 +18,7 @@ from bags.runs.playback import Playback, Selection, open_playback
 from bags.runs.replay_settings import history_messages, replayed_scenario
 from bags.wire.origin import SCENARIO_ATTACHMENT
 from bags.wire.schema import monitor_name
+from dcmg.commands.definitions import EXIT_LEFT_OUT
 from dcmg.errors import CommandError
 from dcmg_bringup.domain import checked_domain, choose_domain
 from dcmg_bringup.keys import keys
@@ -50,10 +52,10 @@ def publish(bag: Path, changes: MonitorChanges, options: PublishOptions, *, json
         raise CommandError("--loop, --start-offset: expected without live monitors, which begin with step 0, once")
     if not (live or changes.none):
         raise CommandError("other monitors: expected only together with --monitors or --attach")
-    playback = open_playback(bag, Selection(topics=options.topics))
+    playback = open_playback(bag, Selection(topics=options.topics), options.known)
     text = playback.attachments.get(SCENARIO_ATTACHMENT, b"").decode()
     scenario = replayed_scenario(bag, text, changes.overrides) if live else None
-    playback = open_playback(bag, _selection(changes, options, scenario))
+    playback = open_playback(bag, _selection(changes, options, scenario), options.known)
     part = None if scenario is None else _part(playback, scenario, options, None if changes.anew else bag)
     with ExitStack() as stack:
         found = checked_domain(options.domain)
@@ -61,7 +63,7 @@ def publish(bag: Path, changes: MonitorChanges, options: PublishOptions, *, json
         domain = stack.enter_context(choose_domain(wanted, scenario=f"{REPLAY}{bag.name}", out=str(bag)))
         os.environ.update(ros_environment(domain) if options.monitors else _environment(domain))
         played = _play(playback, part, options, stack)
-    return _report(bag, played, unchanged=changes.none, json=json)
+    return _report(playback, played, unchanged=changes.none, json=json)
 
 
 def _selection(changes: MonitorChanges, options: PublishOptions, scenario: Scenario | None) -> Selection:
@@ -146,18 +148,27 @@ def _start(part: _Part, options: PublishOptions) -> ProcessGroup:
     )
 
 
-def _report(bag: Path, played: Played, *, unchanged: bool, json: bool) -> int:
-    """Say what was published; exit code 1 when monitors of the same settings conclude something else."""
-    document = _document(bag, played)
+def _report(playback: Playback, played: Played, *, unchanged: bool, json: bool) -> int:
+    """Say what was published.
+
+    Exit code 1 when monitors of the same settings conclude something else, 3 when messages could not be published.
+    """
+    document = _document(playback.path, played)
+    left_out = {name: count for name in played.left_out if (count := playback.counts.get(name, 0))}
     different = sum(found for _, found in played.compared.values())
     if json:
         print(json_module.dumps(document))  # noqa: T201
     else:
         for line in _lines(played):
             Console().print(line, highlight=False, soft_wrap=True)
+    if left_out:
+        told = ", ".join(f"{name} ({count} messages)" for name, count in left_out.items())
+        print(f"left out, because it cannot be published: {told}", file=sys.stderr)  # noqa: T201
     if played.interrupted:
         return _EXIT_INTERRUPTED
-    return _EXIT_FAILED if different and unchanged else 0
+    if different and unchanged:
+        return _EXIT_FAILED
+    return EXIT_LEFT_OUT if left_out else 0
 
 
 def _document(bag: Path, played: Played) -> dict[str, object]:

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
 
 _ARRAY = re.compile(r"(?:sequence<(?P<bounded>[^,>]+(?:<\d+>)?)(?:, *\d+)?>|(?P<element>.+)\[(?P<length>\d+)\])")
+_PLACEHOLDER = "structure_needs_at_least_one_member"  # of types without fields
+_BYTES = {"char": "uint8", "byte": "uint8", "octet": "uint8"}
 _NAMES = {"float": "float32", "double": "float64", "boolean": "bool", "octet": "byte"}
 
 
@@ -45,6 +47,31 @@ def definitions_of_class(type_name: str) -> Mapping[str, Sequence[tuple[str, Any
             detail for _, (kind, (detail, *_)) in _inner(found[name]) if kind is Nodetype.NAME and detail not in found
         ]
     return found
+
+
+def differing_type(type_name: str, recorded: Mapping[str, Sequence[tuple[str, Any]]]) -> str | None:
+    """Return which type inside a message type has other fields than the one that is installed, if any has.
+
+    Args:
+        type_name: full name of an installed type.
+        recorded: fields of this type and of all types inside it as a bag has them.
+    """
+    installed = definitions_of_class(type_name)
+    return next((name for name, fields in installed.items() if _plain(fields) != _plain(recorded.get(name, ()))), None)
+
+
+def _plain(fields: Sequence[tuple[str, Any]]) -> list[tuple[str, Any]]:
+    """Return fields as they lie in the bytes: strings and sequences without bounds, one name for each base type."""
+    return [(name, _plain_type(described)) for name, described in fields if name != _PLACEHOLDER]
+
+
+def _plain_type(described: tuple[Nodetype, Any]) -> tuple[Any, ...]:
+    kind, detail = described
+    if kind is Nodetype.BASE:
+        return kind, _BYTES.get(detail[0], detail[0])
+    if kind in {Nodetype.ARRAY, Nodetype.SEQUENCE}:
+        return kind, _plain_type(detail[0]), detail[1] if kind is Nodetype.ARRAY else 0
+    return kind, detail
 
 
 def _inner(fields: Sequence[tuple[str, Any]]) -> list[tuple[str, tuple[Nodetype, tuple[str, ...]]]]:

@@ -17,7 +17,7 @@ from rosgraph_msgs.msg import Clock
 
 from bags.mcap.qos import LATCHED_QOS, STREAM_QOS
 from bags.runs.playback import CLOCK_TOPIC
-from dcmg_nodes.errors import NodeError
+from dcmg_nodes.foreign_types import differing_type
 from dcmg_nodes.ports import message_class
 from dcmg_nodes.services import offer
 
@@ -110,7 +110,9 @@ class PlayerNode:
         try:
             publisher = self.node.create_publisher(found, name, _qos(latched=topic.latched))
         except InvalidTopicNameException as error:
-            raise NodeError(f"{topic.name} cannot be published as {name!r}: {error}".partition("\n")[0]) from error
+            reason = f"{error}".partition("\n")[0].rstrip(":")
+            self.left_out[topic.name] = f"cannot be published as {name!r} ({reason}): --remap {topic.name}:=NEW"
+            return
         self._publishers[topic.name] = publisher
         self.counts[topic.name] = self._in_flight[topic.name] = 0
 
@@ -130,6 +132,9 @@ def _installed(topic: PlayedTopic) -> Any:  # noqa: ANN401 (generated message cl
         found = message_class(topic.type_name)
     except (ImportError, AttributeError, ValueError):
         return f"its type {topic.type_name} is not installed here"
+    other = next((one for layout in topic.layouts if (one := differing_type(topic.type_name, layout))), None)
+    if other is not None:
+        return f"its type {other} was laid out in another way when it was recorded than the one installed here"
     installed = _installed_hash(topic.type_name)
     if topic.type_hash and installed and installed != topic.type_hash:
         return f"its type {topic.type_name} was another one when it was recorded than the one installed here"
