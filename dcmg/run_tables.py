@@ -7,16 +7,18 @@ import math
 from typing import TYPE_CHECKING
 
 from rich.console import Console
-from rich.table import Table
 
 from bags.reporting.documents import run_document
 from bags.reporting.judged import judge
 from bags.reporting.timeline import gather
 from dcmg.progress import shown
+from dcmg.tabular import tabulate
 
 if TYPE_CHECKING:
     from collections.abc import Iterable, Sequence
     from pathlib import Path
+
+    from rich.table import Table
 
     from bags.reporting.judged import AttackRow, Judged, LinkRow
     from bags.reporting.team import TeamSummary
@@ -98,48 +100,41 @@ def attack_line(row: AttackRow, duration_sec: float) -> str:
 
 
 def _attacks(rows: Sequence[AttackRow], timeline: Timeline) -> Table:
-    table = Table("attack", "on link", r"from \[s]", r"to \[s]", "seen", "accused")
-    for column in table.columns:
-        column.overflow = "fold"  # a name that is cut short says nothing
-    for row in rows:
-        style = None if row.episode.detected else "bold red" if row.attack.began else "yellow"
-        table.add_row(*attack_words(row, timeline.duration_sec), style=style)
-    return table
+    headings = ("attack", "on link", "from [s]", "to [s]", "seen", "accused")
+    styles = [None if row.episode.detected else "bold red" if row.attack.began else "yellow" for row in rows]
+    return tabulate(headings, [attack_words(row, timeline.duration_sec) for row in rows], styles=styles)
 
 
 def _links(rows: Sequence[LinkRow], timeline: Timeline) -> Table:
-    alarms = "false alarms" if timeline.labelled else "alarms"
-    table = Table("link", "attacks seen", alarms, "|r|/threshold", "attacked")
-    for column in table.columns[1:]:
-        column.justify = "right"
-    for row in rows:
-        count = len(row.episodes)
-        table.add_row(
+    headings = ("link", "attacks seen", "false alarms" if timeline.labelled else "alarms", "|r|/threshold", "attacked")
+    cells = [
+        (
             f"{row.link.source} → {row.link.target}",
-            f"{row.seen} of {count}" if count else "",
+            f"{row.seen} of {len(row.episodes)}" if row.episodes else "",
             str(row.alarms) if row.monitored else "not monitored",
             _number(row.quiet_score),
             _number(row.attacked_score),
-            style="bold red" if count else None,
         )
-    return table
+        for row in rows
+    ]
+    styles = ["bold red" if row.episodes else None for row in rows]
+    return tabulate(headings, cells, numbers=set(headings[1:]), styles=styles)
 
 
 def _team(team: TeamSummary) -> Table:
-    table = Table(title=f"team: {team.verdict}", title_justify="left")
-    for heading in ("member", r"there for \[s]", "last error V", "I_t", "v", "accused by", r"from \[s]"):
-        table.add_column(heading, justify="right")
-    for one in team.members:
-        errors = ("", "", "") if one.last_error is None else (f"{value:.1e}" for value in one.last_error)
-        table.add_row(
+    headings = ("member", "there for [s]", "last error V", "I_t", "v", "accused by", "from [s]")
+    rows = [
+        (
             str(one.member),
             f"{one.present_sec:.2f}",
-            *errors,
+            *(("", "", "") if one.last_error is None else (f"{value:.1e}" for value in one.last_error)),
             ", ".join(map(str, one.accused_by)),
             "" if one.first_accused_sec is None else f"{one.first_accused_sec:.2f}",
-            style="bold red" if one.accused_by else None,
         )
-    return table
+        for one in team.members
+    ]
+    styles = ["bold red" if one.accused_by else None for one in team.members]
+    return tabulate(headings, rows, numbers=set(headings), styles=styles, title=f"team: {team.verdict}")
 
 
 def _number(value: float) -> str:

@@ -4,7 +4,6 @@ from typing import Annotated, Literal
 
 import numpy as np
 from pydantic import Field
-from scipy.signal import max_len_seq
 
 from dgu_sim.linear import FloatArray
 from dgu_sim.model import Frozen
@@ -43,6 +42,8 @@ class PrbsExcitation(Frozen):
 
     def signals(self, generator: np.random.Generator, count: int, samples: int) -> FloatArray:
         """Return signals of -1 and 1, shape (count, samples)."""
+        from scipy.signal import max_len_seq  # noqa: PLC0415 (half a second, for this excitation alone)
+
         switches = -(-samples // self.hold_samples)
         register = max(_REGISTER, int(count * (switches + 1)).bit_length())
         start = int(generator.integers(1, 2**register))

@@ -65,7 +65,7 @@ Spread3: TypeAlias = Annotated[
 class Frozen(BaseModel):
     """Immutable, finite numbers only, and an unknown key is an error that names the known ones."""
 
-    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False)
+    model_config = ConfigDict(frozen=True, extra="forbid", allow_inf_nan=False, defer_build=True)
 
     @model_validator(mode="before")
     @classmethod

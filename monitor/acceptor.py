@@ -10,7 +10,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import null_space
+
+from monitor.kernel import null_space
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

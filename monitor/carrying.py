@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from monitor.delayed.realisation import ConstantInput
+from monitor.constant_input import ConstantInput
 from monitor.linear_observer import LinearObserver
 
 if TYPE_CHECKING:

@@ -12,13 +12,13 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
-from pydantic import ConfigDict, Field
+from pydantic import Field
 from pydantic.dataclasses import dataclass as checked_dataclass
-from scipy.linalg import null_space
 
 from monitor.errors import HistoryError, MonitorError
 from monitor.history import data_matrices, sent_outputs
-from monitor.options import parse_options
+from monitor.kernel import null_space
+from monitor.options import STRICT, parse_options
 from monitor.output_map import identify_output_map
 from monitor.proof import stretches
 from monitor.rank import RankBasis, RankOptions, decide_rank
@@ -40,7 +40,7 @@ _SIGMAS = 6.0  # Gaussian noise crosses it in two samples of a billion
 _LONGEST = 12  # samples of a window unless more are asked for
 
 
-@checked_dataclass(frozen=True, slots=True, kw_only=True, config=ConfigDict(extra="forbid"))
+@checked_dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
 class CompatibilityOptions:
     """What is known beforehand.
 

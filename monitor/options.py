@@ -7,7 +7,7 @@ from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING, TypeVar
 
-from pydantic import TypeAdapter, ValidationError
+from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from monitor.errors import HistoryError, MonitorError, OptionError
 
@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping
 
 Options = TypeVar("Options")
+
+STRICT = ConfigDict(extra="forbid", defer_build=True)
+"""Of every options class: no other keys; what checks them is built when it is first asked, for a run asks few."""
+
 _UNKNOWN = {"unexpected_keyword_argument", "extra_forbidden"}
 
 

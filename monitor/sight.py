@@ -9,9 +9,9 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import null_space
 
 from monitor.certificate import DynamicsReport, ResidualReport, smallest_crossing
+from monitor.kernel import null_space
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray

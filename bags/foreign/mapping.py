@@ -2,13 +2,13 @@
 
 from collections.abc import Mapping as MappingType
 from collections.abc import Sequence
-from enum import Enum
 from pathlib import Path
 from typing import Annotated, Any, Self
 
 from pydantic import BeforeValidator, Field, ValidationError, model_validator
 
 from bags.foreign.sampling import Policy
+from bags.foreign.stamps import Stamps
 from bags.foreign.units import factor_of
 from bags.mcap.errors import BagError
 from bags.wire.row import Widths
@@ -21,14 +21,6 @@ from dgu_sim.settings import AttackSettings, MonitorSettings
 
 _OUTPUTS = 3  # components of a received output
 _HOLD_PERIODS = 1.5
-
-
-class Stamps(Enum):
-    """Which clock says when a message was measured."""
-
-    AUTO = "auto"  # the headers when every mapped message type has one, else when it was recorded
-    HEADER = "header"
-    RECORDED = "recorded"
 
 
 def _signal(value: object) -> object:

@@ -9,8 +9,9 @@ from typing import Any, final
 import numpy as np
 
 from bags.foreign.fields import Definitions, FieldPath
-from bags.foreign.mapping import Mapping, Stamps
+from bags.foreign.mapping import Mapping
 from bags.foreign.spill import Rows, SpilledRows
+from bags.foreign.stamps import Stamps
 from bags.foreign.table_recordings import read_table_recordings
 from bags.foreign.tables import is_table
 from bags.foreign.track import Recording

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 
 import numpy as np
-from pydantic import ConfigDict, Field
+from pydantic import Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from bags.watch.designs import LinkMethod
@@ -15,12 +15,12 @@ from monitor.errors import MonitorError
 from monitor.history import History, sent_outputs
 from monitor.link_design import LinkDesign
 from monitor.observers import Observer
-from monitor.options import parse_options
+from monitor.options import STRICT, parse_options
 
 _UNKNOWN_INPUTS = 2  # d of T (17)
 
 
-@checked_dataclass(frozen=True, slots=True, kw_only=True, config=ConfigDict(extra="forbid"))
+@checked_dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
 class BaselineOptions:
     """Options of the baselines.
 

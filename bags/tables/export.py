@@ -4,7 +4,6 @@ import re
 from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
-from enum import Enum
 from pathlib import Path
 from typing import Any, final
 
@@ -14,17 +13,10 @@ from bags.sources.recorded import Known, Recorded, open_recorded
 from bags.sources.source import Channel
 from bags.tables.formulas import harmless
 from bags.tables.rows import flattener, is_known
+from bags.tables.table_format import TableFormat
 from bags.tables.tabular import library, table_maker, tables, write_netcdf
 
 _ROWS = 1000
-
-
-class TableFormat(Enum):
-    """Kind of the files."""
-
-    CSV = "csv"
-    PARQUET = "parquet"
-    NETCDF = "netcdf"
 
 
 @final

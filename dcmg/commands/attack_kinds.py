@@ -7,9 +7,9 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.table import Table
 
 from dcmg.attack_words import EXAMPLES, first_line, parameters_of
+from dcmg.tabular import tabulate
 from dgu_sim.attacks import KINDS, known_kind
 from dgu_sim.attacks.techniques import techniques_of
 
@@ -34,17 +34,14 @@ def attack_kinds(
         typer.echo(json_module.dumps(document))
         return
     if kind is None:
-        table = Table("kind", "what it does", "what it must know", "MITRE ATT&CK for ICS")
-        for name, attack in KINDS.items():
-            table.add_row(name, first_line(attack), attack.knows, "\n".join(_techniques(name)))
-        Console().print(table)
+        headings = ("kind", "what it does", "what it must know", "MITRE ATT&CK for ICS")
+        rows = [(name, first_line(one), one.knows, "\n".join(_techniques(name))) for name, one in KINDS.items()]
+        Console().print(tabulate(headings, rows))
         return
     attack = chosen[kind]
     typer.echo(f"{kind}: {' '.join((attack.__doc__ or '').split())}\nThe attacker must know: {attack.knows}.")
     typer.echo(f"MITRE ATT&CK for ICS: {', '.join(_techniques(kind)) or 'no technique that matches'}.")
-    table = Table("parameter", "default", "meaning")
-    for row in parameters_of(attack):
-        table.add_row(*row)
+    table = tabulate(("parameter", "default", "meaning"), parameters_of(attack))
     Console().print(table if attack.model_fields else "no parameters")
     typer.echo(f"dcmg attack start {kind} {EXAMPLES.get(kind, '1-2')}")
 

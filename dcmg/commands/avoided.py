@@ -5,17 +5,14 @@ from __future__ import annotations
 import json as json_module
 from typing import TYPE_CHECKING, Annotated, Any
 
-import numpy as np
 import typer
 from rich.console import Console
-from rich.markup import escape
-from rich.table import Table
 
-from bags.runs.avoided import compare_response
-from dcmg.shipped import scenario_path
-from dgu_sim.scenario import load_scenario
+from dcmg.tabular import tabulate
 
 if TYPE_CHECKING:
+    from rich.table import Table
+
     from bags.runs.avoided import Avoided
     from dgu_sim.scenario import Scenario
     from monitor.measures import GridImpact
@@ -43,6 +40,10 @@ def avoided(
     json: Annotated[bool, typer.Option("--json", help="print the result as one JSON document")] = False,
 ) -> None:
     """Simulate a scenario with its response and without, and print who was accused and what the attacks did."""
+    from bags.runs.avoided import compare_response  # noqa: PLC0415 (heavy)
+    from dcmg.shipped import scenario_path  # noqa: PLC0415 (heavy)
+    from dgu_sim.scenario import load_scenario  # noqa: PLC0415 (heavy)
+
     loaded = load_scenario(scenario_path(scenario), overrides or [])
     document = _document(loaded, compare_response(loaded))
     if json:
@@ -80,21 +81,19 @@ def _document(scenario: Scenario, found: Avoided) -> dict[str, Any]:
 def _largest(impact: GridImpact, name: str, first: int) -> float:
     """Largest absolute change of a quantity from the last step before the attack on."""
     values = getattr(impact, name)
-    return float(np.abs(values[first:] - values[max(first - 1, 0)]).max())
+    return float(abs(values[first:] - values[max(first - 1, 0)]).max())
 
 
 def _accused_table(document: dict[str, Any]) -> Table:
     start = document["attack_start_sec"]
     title = "no attack" if start is None else f"attack from {start:g} s on"
-    table = Table("link", r"first accused \[s]", "by", title=escape(f"{document['scenario']}: {title}"))
-    for one in document["accused"]:
-        table.add_row(one["link"], f"{one['sec']:.2f}", ", ".join(one["by"]))
-    return table
+    rows = [(one["link"], f"{one['sec']:.2f}", ", ".join(one["by"])) for one in document["accused"]]
+    headings = ("link", "first accused [s]", "by")
+    return tabulate(headings, rows, numbers={headings[1]}, title=f"{document['scenario']}: {title}")
 
 
 def _impact_table(document: dict[str, Any]) -> Table:
-    table = Table("largest change from then on", "with the response", "without", title="impact")
-    for name, words in _QUANTITIES.items():
-        values = document["impact"][name]
-        table.add_row(words, f"{values['with_response']:.2g}", f"{values['without']:.2g}")
-    return table
+    headings = ("largest change from then on", "with the response", "without")
+    changes = {words: document["impact"][name] for name, words in _QUANTITIES.items()}
+    rows = [(words, f"{one['with_response']:.2g}", f"{one['without']:.2g}") for words, one in changes.items()]
+    return tabulate(headings, rows, numbers=set(headings[1:]), title="impact")

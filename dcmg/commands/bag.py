@@ -8,15 +8,10 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.table import Table
-from rich.text import Text
 
-from bags.mcap.check import check as check_bag
-from bags.mcap.repair import repair as repair_bag
-from bags.sources.contents import contents
-from bags.tables.export import TableFormat
-from bags.tables.export import export as export_bag
+from bags.tables.table_format import TableFormat
 from dcmg.commands.definitions import EXIT_LEFT_OUT, Definitions, known_definitions
+from dcmg.tabular import tabulate
 
 _EXIT_DAMAGED = 1
 
@@ -29,14 +24,14 @@ Json = Annotated[bool, typer.Option("--json", help="print the result as one JSON
 @app.command()
 def info(bag: Bag, *, definitions: Definitions = None, json: Json = False) -> None:
     """Show topics, counts, duration and attachments of a bag, and which topics cannot be read."""
+    from bags.sources.contents import contents  # noqa: PLC0415 (heavy)
+
     found = contents(bag, known_definitions(definitions))
     if json:
         typer.echo(json_module.dumps({"bag": str(bag), **found.document()}))
     else:
-        table = Table("topic", "type", "messages")
-        for topic in found.topics:
-            table.add_row(Text(topic.name), Text(topic.type_name), str(topic.count))
-        Console().print(table)
+        rows = [(topic.name, topic.type_name, str(topic.count)) for topic in found.topics]
+        Console().print(tabulate(("topic", "type", "messages"), rows, numbers={"messages"}))
         for note in found.notes:
             typer.echo(note)
         duration_sec = (found.end_ns - found.start_ns) * 1e-9
@@ -56,6 +51,8 @@ def export(
 
     Exit code 3 when a topic with messages cannot be read: it is named, counted and left out.
     """
+    from bags.tables.export import export as export_bag  # noqa: PLC0415 (heavy)
+
     report = export_bag(bag, out, form, known_definitions(definitions))
     for note in report.notes:
         typer.echo(note)
@@ -72,15 +69,18 @@ def export(
 @app.command()
 def check(bag: Bag, *, json: Json = False) -> None:
     """Verify every check sum and say what is intact; exit code 1 when something is not."""
+    from bags.mcap.check import check as check_bag  # noqa: PLC0415 (heavy)
+
     report = check_bag(bag)
     if json:
         typer.echo(json_module.dumps(report.document()))
     else:
-        table = Table("file", "bytes", "sound chunks", "intact messages", "attachments")
-        for file in report.files:
-            cells = (file.name, file.size, file.chunks, sum(file.messages.values()), ", ".join(file.attachments))
-            table.add_row(*(str(cell) for cell in cells))
-        Console().print(table)
+        headings = ("file", "bytes", "sound chunks", "intact messages", "attachments")
+        rows = [
+            (file.name, str(file.size), str(file.chunks), str(sum(file.messages.values())), ", ".join(file.attachments))
+            for file in report.files
+        ]
+        Console().print(tabulate(headings, rows, numbers=set(headings[1:4])))
         for damage in report.damages:
             typer.echo(str(damage))
         typer.echo("the bag is clean" if report.clean else f"damaged: `dcmg bag repair {bag}` keeps what is intact")
@@ -97,6 +97,8 @@ def repair(
     json: Json = False,
 ) -> None:
     """Write a valid bag with every message that is intact; the damaged one stays as it is."""
+    from bags.mcap.repair import repair as repair_bag  # noqa: PLC0415 (heavy)
+
     report = repair_bag(bag, out or bag.with_name(f"{bag.stem if bag.is_file() else bag.name}_repaired"))
     if json:
         typer.echo(json_module.dumps(report.document()))

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.table import Table
 
 from dcmg.errors import CommandError
+from dcmg.tabular import tabulate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -32,12 +32,8 @@ def compare(
     if json:
         typer.echo(json_module.dumps(documents))
         return
-    table = Table("", *_names(runs))
-    for name, cells in side_by_side(list(documents.values())):
-        table.add_row(name, *cells)
-    for column in table.columns:
-        column.overflow = "fold"
-    Console().print(table)
+    rows = [(name, *cells) for name, cells in side_by_side(list(documents.values()))]
+    Console().print(tabulate(("", *_names(runs)), rows))
 
 
 def side_by_side(documents: Sequence[dict[str, Any]]) -> list[tuple[str, list[str]]]:

@@ -8,11 +8,10 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from bags.mcap.definitions import types_in_folder
-from bags.sources.recorded import Known
-
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from bags.sources.recorded import Known
 
 EXIT_LEFT_OUT = 3  # all went well, but something could not be read, and was named
 
@@ -33,6 +32,9 @@ def known_definitions(folders: Sequence[Path] | None) -> Known:
     Raises:
         BagError: a folder holds none.
     """
+    from bags.mcap.definitions import types_in_folder  # noqa: PLC0415 (heavy)
+    from bags.sources.recorded import Known  # noqa: PLC0415 (heavy)
+
     types: dict[str, Any] = {}
     for folder in folders or ():
         types |= types_in_folder(folder)

@@ -9,12 +9,8 @@ import typer
 import yaml
 from rich.console import Console
 
-from bags.watch.histories import read_histories
-from bags.wire.convert import history_of
 from dcmg.errors import CommandError
-from monitor import observers
 from monitor.observers import KINDS
-from monitor.wording import describe
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -38,6 +34,11 @@ def design(
     json: Annotated[bool, typer.Option("--json", help="print the certificate as a JSON document")] = False,
 ) -> None:
     """Design an observer from a recorded history and print its certificate; exit code 1 when the design is refused."""
+    from bags.watch.histories import read_histories  # noqa: PLC0415 (heavy)
+    from bags.wire.convert import history_of  # noqa: PLC0415 (heavy)
+    from monitor import observers  # noqa: PLC0415 (heavy)
+    from monitor.wording import describe  # noqa: PLC0415 (heavy)
+
     options = named_values(option or [])
     made = observers.design(observer, history_of(read_histories(history, dgu)), options)
     if json:

@@ -12,20 +12,17 @@ import typer
 from rich.console import Console
 from rich.progress import Progress, TaskID
 
-from bags.foreign.draft import draft_mapping, missing_of
-from bags.foreign.importing import import_histories, import_streams
-from bags.foreign.mapping import Mapping, Stamps, load_data, mapping_of
-from bags.foreign.outline import Described, describe_source
 from bags.foreign.sampling import Policy
-from dcmg.attack_words import parse_order
+from bags.foreign.stamps import Stamps
 from dcmg.commands.definitions import EXIT_LEFT_OUT, Definitions, known_definitions
 from dcmg.errors import CommandError
-from dgu_sim.grid import Link
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
     from bags.foreign.importing import ImportReport
+    from bags.foreign.mapping import Mapping
+    from bags.foreign.outline import Described
 
 _EXIT_UNFIT = 1
 _COMMAND_LINE = "command line"
@@ -69,6 +66,8 @@ def inspect(source: Source, *, definitions: Definitions = None, json: Json = Fal
 
     Exit code 3 when a topic with messages cannot be read: it is named, counted and left out.
     """
+    from bags.foreign.outline import describe_source  # noqa: PLC0415 (heavy)
+
     found = describe_source(source, known_definitions(definitions))
     if json:
         typer.echo(json_module.dumps([one.document() for one in found.topics]))
@@ -107,6 +106,8 @@ def history(
     json: Json = False,
 ) -> None:
     """Write measurements as a history, from which `dcmg design`, `run --history` and `monitor` design observers."""
+    from bags.foreign.importing import import_histories  # noqa: PLC0415 (heavy)
+
     entry = {"dgu": dgu, "y": y, "x": x, "u": u, "d": d, "w": w}
     changes = _changes(time=time, period=period, stamps=stamps, policy=policy, tolerance=tolerance, max_gap=max_gap)
     found = _mapping(mapping, "histories", entry, needed=("dgu", "y"), changes=changes)
@@ -150,6 +151,8 @@ def stream(
     recording is falsified as an attacker on the link would, and labelled, so that delay, missed and false alarms are
     measured. `dcmg attack kinds` lists the kinds; those that need a running grid are refused.
     """
+    from bags.foreign.importing import import_streams  # noqa: PLC0415 (heavy)
+
     entry = {"link": link, "y": y, "delivered": delivered}
     changes = _changes(time=time, period=period, stamps=stamps, policy=policy, tolerance=tolerance, max_gap=max_gap)
     changes |= _given({"seed": seed})
@@ -193,6 +196,7 @@ def check_history(
     Exit code 1 when one does not fit, 3 when one cannot be judged.
     """
     from bags.runs.history_check import check_histories  # noqa: PLC0415 (heavy)
+    from dgu_sim.grid import Link  # noqa: PLC0415 (heavy)
 
     options: dict[str, object] = {
         "unknown_inputs": unknown_inputs,
@@ -227,6 +231,9 @@ def draft(
 
     Exit code 3 when a topic with messages cannot be read.
     """
+    from bags.foreign.draft import draft_mapping, missing_of  # noqa: PLC0415 (heavy)
+    from bags.foreign.outline import describe_source  # noqa: PLC0415 (heavy)
+
     found = describe_source(source, known_definitions(definitions))
     text = draft_mapping(source, found)
     if out is None:
@@ -269,6 +276,8 @@ def _deviations(text: str) -> float | tuple[float, ...]:
 
 def _ordered(kind: str, link: str, words: Sequence[str], start: float, stop: float | None) -> dict[str, object]:
     """An attack of the command line as an entry of a mapping."""
+    from dcmg.attack_words import parse_order  # noqa: PLC0415 (heavy)
+
     order = parse_order([kind, link, *words])
     times: dict[str, object] = {"start_sec": start, **_given({"stop_sec": stop})}
     links = [str(one) for one in order.links]
@@ -295,6 +304,8 @@ def _mapping(
     file: Path | None, section: str, entry: dict[str, Any], *, needed: Sequence[str], changes: dict[str, Any]
 ) -> Mapping:
     """The mapping file, or the one that the options describe, with the options' changes."""
+    from bags.foreign.mapping import load_data, mapping_of  # noqa: PLC0415 (heavy)
+
     given = _given(entry)
     if file is None:
         for name in needed:

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import typer
 from rich.console import Console
-from rich.table import Table
 
 from dcmg.commands.paper import PaperExperiment, add_command
 from dcmg.commands.soak import soak
+from dcmg.tabular import tabulate
 
 app = typer.Typer(no_args_is_help=True, help="Measure what is claimed of attacks and detectors.")
 
@@ -43,11 +43,9 @@ MEASURES = {
 @app.command("list")
 def list_() -> None:
     """List the measurements."""
-    table = Table("measurement", "what it shows", box=None)
-    for name, measure in MEASURES.items():
-        table.add_row(name, measure.title)
-    table.add_row("soak", "A long run over ROS 2: bounded memory, a sound bag, and a replay that is bit-identical")
-    Console().print(table)
+    rows = [(name, measure.title) for name, measure in MEASURES.items()]
+    rows.append(("soak", "A long run over ROS 2: bounded memory, a sound bag, and a replay that is bit-identical"))
+    Console().print(tabulate(("measurement", "what it shows"), rows, framed=False))
 
 
 for _name, _measure in MEASURES.items():

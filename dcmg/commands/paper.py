@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.table import Table
 
 from dcmg.errors import CommandError
+from dcmg.tabular import tabulate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -88,10 +88,8 @@ EXPERIMENTS = {
 @app.command("list")
 def list_() -> None:
     """List the experiments."""
-    table = Table("experiment", "what it shows", box=None)
-    for name, experiment in EXPERIMENTS.items():
-        table.add_row(name, experiment.title)
-    Console().print(table)
+    rows = [(name, experiment.title) for name, experiment in EXPERIMENTS.items()]
+    Console().print(tabulate(("experiment", "what it shows"), rows, framed=False))
 
 
 def add_command(app: typer.Typer, name: str, experiment: PaperExperiment, out_dir: Path) -> None:
@@ -138,10 +136,13 @@ def _repeat(name: str, experiment: PaperExperiment, seed: int, out: Path, *, jso
 
 def _print(title: str, checks: Sequence[Check], notes: Sequence[str], files: Sequence[Path]) -> None:
     console = Console()
-    table = Table("checked", "found", "expected", "tolerance", "", title=title, title_justify="left")
-    for check in checks:
-        verdict = "[green]ok" if check.ok else "[bold red]differs"
-        table.add_row(check.name, f"{check.value:.6g}", f"{check.expected:.6g}", f"{check.tolerance:g}", verdict)
+    headings = ("checked", "found", "expected", "tolerance", "")
+    rows = [
+        (one.name, f"{one.value:.6g}", f"{one.expected:.6g}", f"{one.tolerance:g}", "ok" if one.ok else "differs")
+        for one in checks
+    ]
+    styles = [None if one.ok else "bold red" for one in checks]
+    table = tabulate(headings, rows, numbers=set(headings[1:4]), styles=styles, title=title)
     console.print(table)
     agree = sum(check.ok for check in checks)
     console.print(f"{agree} of {len(checks)} numbers agree with what is expected")

@@ -9,14 +9,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
-from rich.table import Table
 
-from bags.reconstruct.estimate import reconstruct_link
-from bags.reconstruct.reconstruction import INPUT_UNITS, INPUTS, OUTPUT_UNITS, OUTPUTS
-from bags.reconstruct.reconstruction_plot import draw_reconstruction
 from dcmg.commands.design import named_values
 from dcmg.errors import CommandError
-from dgu_sim.grid import Link
+from dcmg.tabular import tabulate
 from monitor.input_estimators import KINDS
 
 if TYPE_CHECKING:
@@ -53,6 +49,9 @@ def reconstruct(
     As many unknown inputs as outputs less one leave room for one falsified output: each is measured as if it alone were
     false, whatever the load did; and all together as if the load had stayed. Simulated runs show the truth beside it.
     """
+    from bags.reconstruct.estimate import reconstruct_link  # noqa: PLC0415 (heavy)
+    from dgu_sim.grid import Link  # noqa: PLC0415 (heavy)
+
     found = reconstruct_link(
         bag,
         Link.parse(link),
@@ -61,7 +60,11 @@ def reconstruct(
         window_sec=(start, stop),
         noise_std=_noise(noise_std),
     )
-    picture = None if out is None else draw_reconstruction(found, out)
+    picture = None
+    if out is not None:
+        from bags.reconstruct.reconstruction_plot import draw_reconstruction  # noqa: PLC0415 (heavy)
+
+        picture = draw_reconstruction(found, out)
     if json:
         typer.echo(json_module.dumps({**found.document(), "picture": None if picture is None else str(picture)}))
         return
@@ -83,6 +86,8 @@ def _noise(text: str | None) -> tuple[float, float, float] | None:
 
 
 def _print(found: Reconstruction) -> None:
+    from bags.reconstruct.reconstruction import INPUT_UNITS, INPUTS, OUTPUT_UNITS, OUTPUTS  # noqa: PLC0415 (heavy)
+
     console = Console()
     console.print(f"{found.estimator}: {found.verdict}", highlight=False, markup=False, soft_wrap=True)
     errors = found.input_error()
@@ -93,21 +98,20 @@ def _print(found: Reconstruction) -> None:
         console.print(f"attack: not measured: {found.vector_reason}", highlight=False, markup=False, soft_wrap=True)
         return
     start, stop = (found.time_sec[min(step, len(found.time_sec) - 1)] for step in found.spans.attack)
-    table = Table(
-        "falsified", "measured", "± 2 sigma", "simulator", "inputs would have moved by", box=None,
-        title=f"attack from {start:g} s to {stop:g} s", title_justify="left",
-    )  # fmt: skip
+    rows = []
     for one in found.hypotheses:
         channel = found.channels[one.channel]
         moved = ", ".join(f"{_number(change)} {unit}" for change, unit in zip(one.change, INPUT_UNITS, strict=False))
         cells = (_number(one.magnitude), _number(one.uncertainty), _number(found.truth(channel)))
-        table.add_row(f"{OUTPUTS[channel]} alone [{OUTPUT_UNITS[channel]}]", *cells, moved)
+        rows.append((f"{OUTPUTS[channel]} alone [{OUTPUT_UNITS[channel]}]", *cells, moved))
     if found.vector is not None:
         for row, channel in enumerate(found.channels):
             size, width = found.vector.magnitude[row], found.vector.uncertainty[row]
             name, truth = f"{OUTPUTS[channel]} of all [{OUTPUT_UNITS[channel]}]", found.truth(channel)
-            table.add_row(name, _number(size), _number(width), _number(truth), "none: taken to stay")
-    console.print(table)
+            rows.append((name, _number(size), _number(width), _number(truth), "none: taken to stay"))
+    headings = ("falsified", "measured", "± 2 sigma", "simulator", "inputs would have moved by")
+    title = f"attack from {start:g} s to {stop:g} s"
+    console.print(tabulate(headings, rows, numbers=set(headings[1:4]), title=title, framed=False))
     for one in found.hypotheses:
         if not isfinite(one.magnitude):
             console.print(

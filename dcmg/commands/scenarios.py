@@ -15,8 +15,8 @@ def scenarios(
 ) -> None:
     """List the shipped scenarios."""
     from rich.console import Console  # noqa: PLC0415 (takes its time)
-    from rich.table import Table  # noqa: PLC0415 (idem)
 
+    from dcmg.tabular import tabulate  # noqa: PLC0415 (idem)
     from dgu_sim.scenario import load_scenario  # noqa: PLC0415 (heavy)
 
     found = {name: " ".join(load_scenario(path).description.split()) for name, path in shipped_scenarios().items()}
@@ -25,7 +25,4 @@ def scenarios(
         document = [{"name": name, "description": text, "file": str(files[name])} for name, text in found.items()]
         typer.echo(json_module.dumps(document))
         return
-    table = Table("scenario", "what it is", box=None)
-    for name, text in found.items():
-        table.add_row(name, text)
-    Console().print(table)
+    Console().print(tabulate(("scenario", "what it is"), found.items(), framed=False))

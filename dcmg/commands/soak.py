@@ -9,10 +9,10 @@ from typing import Annotated
 
 import typer
 from rich.console import Console
-from rich.table import Table
 
 from dcmg.measures.soak import SoakReport
 from dcmg.measures.soak import soak as run_soak
+from dcmg.tabular import tabulate
 
 _EXIT_FAILED = 1
 
@@ -51,10 +51,11 @@ def soak(
 
 
 def _print(report: SoakReport) -> None:
-    table = Table("stage", r"wall time \[s]", "peak memory [MB]", "")
+    rows = []
     for stage in report.stages:
         peaks = ", ".join(f"{name}: {peak:.0f}" for name, peak in sorted(stage.peak_mb.items()))
-        table.add_row(stage.name, f"{stage.wall_sec:.1f}", peaks, stage.detail)
+        rows.append((stage.name, f"{stage.wall_sec:.1f}", peaks, stage.detail))
+    table = tabulate(("stage", "wall time [s]", "peak memory [MB]", ""), rows, numbers={"wall time [s]"})
     console = Console()
     console.print(table)
     verdict = "passed" if report.passed else f"failed (limit {report.limit_mb:g} MB)"

@@ -12,10 +12,10 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
-from rich.table import Table
 
 from dcmg.errors import CommandError
 from dcmg.shipped import scenario_path
+from dcmg.tabular import tabulate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -67,7 +67,7 @@ def study(
     from bags.study.page import write_page  # noqa: PLC0415 (idem)
 
     if list_ or study is None:
-        _list()
+        _list(json=json)
         return
     path = _study_path(study)
     overrides = [*(set_ or []), *([] if seeds is None else [f"seeds={seeds}"])]
@@ -138,22 +138,26 @@ def _study_path(name_or_path: str) -> Path:
     raise CommandError(f"{name_or_path}: no such study; shipped are {', '.join(shipped)}; or give a path to a file")
 
 
-def _list() -> None:
+def _list(*, json: bool) -> None:
     from bags.study import load_study  # noqa: PLC0415 (pyarrow takes its time)
 
-    table = Table("study", "question", "runs")
-    for name, path in shipped_studies().items():
-        found = load_study(path)
-        runs = len(found.conditions) * (len(found.attacks) + 1) * found.seeds
-        table.add_row(name, found.question, str(runs))
-    Console().print(table)
+    found = {name: load_study(path) for name, path in shipped_studies().items()}
+    runs = {name: len(one.conditions) * (len(one.attacks) + 1) * one.seeds for name, one in found.items()}
+    if json:
+        files = shipped_studies()
+        document = [
+            {"name": name, "question": one.question, "runs": runs[name], "file": str(files[name])}
+            for name, one in found.items()
+        ]
+        typer.echo(json_module.dumps(document))
+        return
+    rows = [(name, one.question, str(runs[name])) for name, one in found.items()]
+    Console().print(tabulate(("study", "question", "runs"), rows, numbers={"runs"}))
 
 
 def _show(question: str, comparisons: Sequence[Comparison], limit: float) -> None:
     from bags.study.figures import COLUMNS, cells  # noqa: PLC0415 (matplotlib takes its time)
 
-    table = Table(*COLUMNS, title=question)
-    for one in comparisons:
-        table.add_row(*cells(one))
+    table = tabulate(COLUMNS, map(cells, comparisons), title=question)
     Console(width=None if sys.stdout.isatty() else _PIPED_WIDTH).print(table)
     typer.echo(f"best: most runs detected, then the shortest delay, with at most {limit:g} false alarms per sample")

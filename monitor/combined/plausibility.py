@@ -6,13 +6,13 @@ from dataclasses import dataclass
 from math import inf, nan
 from typing import TYPE_CHECKING, NamedTuple
 
-from pydantic import ConfigDict, Field
+from pydantic import Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from monitor.detectors.protocol import Phase
 from monitor.detectors.schedule import Progress, Schedule
 from monitor.linear import anywhere, everywhere, is_finite, is_missing, larger, negated, select
-from monitor.options import parse_options, wrong_option
+from monitor.options import STRICT, parse_options, wrong_option
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -24,7 +24,7 @@ OWNER = "plausibility"
 _INPUTS = 2  # I_net + I_L, V_ref + alpha
 
 
-@checked_dataclass(frozen=True, slots=True, kw_only=True, config=ConfigDict(extra="forbid"))
+@checked_dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
 class LimitOptions:
     """What is plausible of an input [A, V].
 

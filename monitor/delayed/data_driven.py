@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from pydantic import ConfigDict, Field
+from pydantic import Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from monitor.backstop import guarded
@@ -24,7 +24,7 @@ from monitor.delayed.proving import Claim, prove_delayed
 from monitor.delayed.units import in_units
 from monitor.errors import HistoryError, MonitorError
 from monitor.history import data_matrices
-from monitor.options import parse_options
+from monitor.options import STRICT, parse_options
 from monitor.proof import hold_back
 from monitor.rank import RankBasis, RankOptions, decide_rank
 from monitor.scaling import norms, spreads
@@ -49,7 +49,7 @@ _COARSE = 0.1
 _TINY = 1e-300  # keeps 0 / 0 out
 
 
-@checked_dataclass(frozen=True, slots=True, kw_only=True, config=ConfigDict(extra="forbid"))
+@checked_dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
 class HistoryOptions(DelayedOptions):
     """Options of the data-driven delayed observer, besides those of every delayed observer.
 

@@ -7,19 +7,21 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 import numpy as np
-from pydantic import ConfigDict, Field
+from pydantic import Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from monitor.acceptor import unobservable
 from monitor.certificate import Certificate, Guarantee, smallest_crossing
+from monitor.constant_input import ConstantInput
 from monitor.delayed.bounds import ErrorResponse, certify, respond, respond_input
 from monitor.delayed.decoupling import Decoupling, decouple
 from monitor.delayed.innovation import moved_by_inputs, residual_rows
 from monitor.delayed.model import window_of
 from monitor.delayed.performance import optimise
-from monitor.delayed.realisation import ConstantInput, realise, realise_input
+from monitor.delayed.realisation import realise, realise_input
 from monitor.delayed.report import DelayedDesign
 from monitor.input_reconstruction.uncertainty import noise_gain
+from monitor.options import STRICT
 from monitor.sight import measure_dynamics, measure_residual
 from monitor.wording import sees
 
@@ -41,7 +43,7 @@ class Goal(Enum):
     BOUNDED = "bounded"
 
 
-@checked_dataclass(frozen=True, slots=True, kw_only=True, config=ConfigDict(extra="forbid"))
+@checked_dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
 class DelayedOptions:
     """Options of every delayed observer.
 

@@ -11,18 +11,19 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from pydantic import ConfigDict, Field
+from pydantic import Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from monitor.behaviour import identify_output
+from monitor.constant_input import ConstantInput, linear_part
 from monitor.delayed.coordinates import with_attacks
 from monitor.delayed.designing import DelayedOptions, Goal, Units, design_for, refuse
 from monitor.delayed.model import Model, model_of
 from monitor.delayed.proving import Claim, prove_inputs
-from monitor.delayed.realisation import ConstantInput, linear_part
 from monitor.delayed.units import in_units
 from monitor.errors import HistoryError, MonitorError
 from monitor.history import data_matrices
+from monitor.options import STRICT
 from monitor.proof import hold_back
 from monitor.regression import regress_states
 from monitor.scaling import norms, spreads
@@ -45,7 +46,7 @@ _NOISE_SAFETY, _COARSE = 3.0, 0.1  # directions closer than this to the error of
 _TINY = 1e-300  # keeps 0 / 0 out
 
 
-@checked_dataclass(frozen=True, slots=True, kw_only=True, config=ConfigDict(extra="forbid"))
+@checked_dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
 class KnownInputOptions(DelayedOptions):
     """Options of the delayed observer with recorded inputs, besides those of every delayed observer.
 

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from monitor.constant_input import ConstantInput, linear_part
 from monitor.delayed.bounds import respond
 from monitor.delayed.model import window_of
-from monitor.delayed.realisation import ConstantInput, linear_part
 from monitor.proof import Allowance, Trial, noise, prove, rounding, stretches
 from monitor.sight import noise_covariance
 from monitor.trials import run_linear

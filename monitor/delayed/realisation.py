@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -10,13 +10,9 @@ import numpy as np
 from monitor.linear_observer import LinearObserver
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
-
     from numpy.typing import NDArray
 
     from monitor.delayed.model import Model, Window
-    from monitor.linear import Component, Vector
-    from monitor.observer import Estimate, Observer
 
 
 def realise(model: Model, window: Window, L: NDArray[np.float64], R: NDArray[np.float64]) -> LinearObserver:
@@ -61,53 +57,6 @@ def realise_input(model: Model, window: Window, state: LinearObserver) -> Linear
     whole = inverse @ np.vstack([advance - model.A @ now - model.B_u @ u, y - model.C @ now - model.D_u @ u])
     M, D = np.split(whole, [state.order], axis=1)
     return replace(state, M=M, D=D, lag=window.delay)
-
-
-@dataclass(frozen=True, slots=True)
-class ConstantInput:
-    """An observer whose first known input is the constant 1: the operating point at which the history was recorded.
-
-    Attributes:
-        inner: the observer with that input.
-    """
-
-    inner: Observer
-
-    @property
-    def inputs(self) -> int:
-        """Number m of known inputs besides the constant."""
-        return self.inner.inputs - 1
-
-    @property
-    def outputs(self) -> int:
-        """Number p of outputs it needs."""
-        return self.inner.outputs
-
-    @property
-    def states(self) -> int:
-        """Number of estimated components."""
-        return self.inner.states
-
-    @property
-    def lag(self) -> int:
-        """Steps by which the estimate lags the newest sample."""
-        return self.inner.lag
-
-    def init(self, u: Sequence[Component], y: Sequence[Component]) -> Vector:
-        """State before the first sample is used."""
-        return self.inner.init((1.0, *u), y)
-
-    def step(self, state: Vector, u: Sequence[Component], y: Sequence[Component]) -> tuple[Vector, Estimate]:
-        """Estimate from the samples up to t, and advance."""
-        return self.inner.step(state, (1.0, *u), y)
-
-
-def linear_part(observer: LinearObserver | ConstantInput) -> LinearObserver:
-    """The linear observer itself, or the one behind the constant input."""
-    if isinstance(observer, LinearObserver):
-        return observer
-    assert isinstance(observer.inner, LinearObserver)  # noqa: S101 - designs are made of single observers
-    return observer.inner
 
 
 def _dynamics(model: Model, window: Window, L: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from numpy.typing import NDArray
 
     from monitor.certificate import Certificate, Guarantee
+    from monitor.constant_input import ConstantInput
     from monitor.delayed.model import Model
-    from monitor.delayed.realisation import ConstantInput
     from monitor.linear_observer import LinearObserver
 
 

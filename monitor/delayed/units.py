@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from monitor.constant_input import ConstantInput, linear_part
 from monitor.delayed.model import Model, window_of
-from monitor.delayed.realisation import ConstantInput, linear_part
 from monitor.input_reconstruction.uncertainty import noise_gain
 
 if TYPE_CHECKING:

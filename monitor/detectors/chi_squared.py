@@ -7,14 +7,14 @@ from math import nan
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from pydantic import ConfigDict, Field
+from pydantic import Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from monitor.detectors.levels import Divisor, levels_of
 from monitor.detectors.protocol import Verdict
 from monitor.detectors.schedule import Progress, Schedule
 from monitor.linear import anywhere, larger, select
-from monitor.options import parse_options, wrong_option
+from monitor.options import STRICT, parse_options, wrong_option
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -26,7 +26,7 @@ _SINGULAR = 1e-9  # share of its variance below which a component follows from t
 _FEWEST = 20  # calibration samples for a covariance
 
 
-@checked_dataclass(frozen=True, slots=True, kw_only=True, config=ConfigDict(extra="forbid"))
+@checked_dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
 class ChiSquaredOptions:
     """Options of the chi-squared detector.
 

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from math import log, nan, pi, sqrt
 from typing import TYPE_CHECKING, NamedTuple
 
-from pydantic import ConfigDict, Field
+from pydantic import Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from monitor.detectors.levels import Divisor, any_above, levels_of
 from monitor.detectors.protocol import Verdict
 from monitor.detectors.schedule import Progress, Schedule
 from monitor.linear import anywhere, larger, select
-from monitor.options import parse_options
+from monitor.options import STRICT, parse_options
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -24,7 +24,7 @@ KIND = "cusum"
 _DEVIATION = sqrt(pi / 2.0)  # standard deviation over mean |r| of a Gaussian
 
 
-@checked_dataclass(frozen=True, slots=True, kw_only=True, config=ConfigDict(extra="forbid"))
+@checked_dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
 class CusumOptions:
     """Options of the CUSUM detector.
 

@@ -6,14 +6,14 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-from pydantic import ConfigDict, Field
+from pydantic import Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from monitor.detectors.protocol import Phase, Verdict
 from monitor.detectors.schedule import restarted
 from monitor.errors import MonitorError
 from monitor.linear import anywhere, is_missing, larger, select
-from monitor.options import parse_options
+from monitor.options import STRICT, parse_options
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 KIND = "fixed"
 
 
-@checked_dataclass(frozen=True, slots=True, kw_only=True, config=ConfigDict(extra="forbid"))
+@checked_dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
 class FixedOptions:
     """Options of the fixed detector.
 

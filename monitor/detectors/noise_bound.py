@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple
 
-from pydantic import ConfigDict, Field
+from pydantic import Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from monitor.detectors.levels import any_above, levels_of
@@ -13,7 +13,7 @@ from monitor.detectors.protocol import Verdict
 from monitor.detectors.schedule import Progress, Schedule
 from monitor.errors import MonitorError
 from monitor.linear import anywhere, everywhere, larger
-from monitor.options import parse_options
+from monitor.options import STRICT, parse_options
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping
@@ -27,7 +27,7 @@ _FORGOTTEN = 1e-17  # share of the sum below which a response adds nothing that 
 _QUIET = 50  # samples in a row that a response must be that small: a swinging one crosses zero now and then
 
 
-@checked_dataclass(frozen=True, slots=True, kw_only=True, config=ConfigDict(extra="forbid"))
+@checked_dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
 class NoiseBoundOptions:
     """Options of the noise-bound detector.
 

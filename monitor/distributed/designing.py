@@ -6,7 +6,7 @@ from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-from pydantic import ConfigDict, Field
+from pydantic import Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from monitor.backstop import guarded
@@ -24,7 +24,7 @@ from monitor.distributed.proving import held_back, prove_node, scales_of
 from monitor.distributed.report import DistributedDesign, DistributedReport
 from monitor.distributed.solution import NodeSolution, shows_rounding_only, solve_node, undetectable
 from monitor.errors import MonitorError
-from monitor.options import parse_options
+from monitor.options import STRICT, parse_options
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -39,7 +39,7 @@ if TYPE_CHECKING:
 KIND = "distributed"
 
 
-@checked_dataclass(frozen=True, slots=True, kw_only=True, config=ConfigDict(extra="forbid"))
+@checked_dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
 class DistributedOptions:
     """Options of the distributed design.
 

@@ -16,9 +16,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import block_diag, null_space, solve_continuous_are
 
 from monitor.acceptor import unobservable
+from monitor.kernel import null_space
 from monitor.riccati import dual_lqr
 
 if TYPE_CHECKING:
@@ -61,6 +61,8 @@ def leader_gain(solution: NodeSolution, *, sampled: bool) -> NDArray[np.float64]
 
     Directions that C and C T_x show by less than their noise are left out: a gain there would amplify that noise.
     """
+    from scipy.linalg import solve_continuous_are  # noqa: PLC0415 (slow to import)
+
     hidden = unobservable(solution.T_x, solution.C, solution.tolerance)
     seen = np.eye(len(solution.T_x)) if not hidden.size else null_space(hidden.T)
     A, C = seen.T @ solution.T_x @ seen, solution.C @ seen
@@ -113,6 +115,8 @@ def assemble(
 
 def error_dynamics(gains: Sequence[NodeGains], network: Network) -> NDArray[np.float64]:
     """(N n, N n) matrix of the errors of all nodes."""
+    from scipy.linalg import block_diag  # noqa: PLC0415 (slow to import)
+
     coupling = np.diag([one.chi for one in gains]) @ network.laplacian
     return np.asarray(block_diag(*[one.E for one in gains]) - np.kron(coupling, np.eye(len(gains[0].E))))
 

@@ -7,11 +7,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.linalg import null_space
 
 from monitor.acceptor import unobservable
 from monitor.freedom.assignment import assign, default_poles
 from monitor.freedom.problem import Refusal
+from monitor.kernel import null_space
 from monitor.sight import accumulated
 
 if TYPE_CHECKING:

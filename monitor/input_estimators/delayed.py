@@ -7,8 +7,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from monitor.constant_input import ConstantInput
 from monitor.delayed.known_inputs import KIND, KnownInputOptions, design_known
-from monitor.delayed.realisation import ConstantInput
 from monitor.input_estimators.linear_estimator import LinearInputEstimator
 from monitor.input_estimators.protocol import EstimatorDesign, figures
 from monitor.linear_observer import LinearObserver

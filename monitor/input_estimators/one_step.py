@@ -6,7 +6,6 @@ from dataclasses import field, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from monitor import observers
@@ -14,7 +13,7 @@ from monitor.errors import HistoryError
 from monitor.input_estimators.linear_estimator import LinearInputEstimator
 from monitor.input_estimators.protocol import EstimatorDesign, figures
 from monitor.linear_observer import LinearObserver
-from monitor.options import parse_options
+from monitor.options import STRICT, parse_options
 from monitor.proof import Trial, hold_back, prove, rounding, stretches
 from monitor.proof import noise as noise_of
 from monitor.regression import regress_states
@@ -41,7 +40,7 @@ _TINY = 1e-300  # keeps 0 / 0 out
 _DEPENDENT = 1e-8  # relative: columns of E closer than this to one another are the same
 
 
-@checked_dataclass(frozen=True, slots=True, kw_only=True, config=ConfigDict(extra="forbid"))
+@checked_dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
 class OneStepOptions:
     """Options of the one-step estimator.
 

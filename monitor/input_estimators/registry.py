@@ -9,10 +9,9 @@ from monitor.backstop import guarded
 from monitor.carrying import RUNNING, parsed, running_document, running_observer
 from monitor.errors import HistoryError
 from monitor.history import sent_outputs
-from monitor.input_estimators import delayed, one_step, uie
 from monitor.input_estimators.linear_estimator import LinearInputEstimator
 from monitor.input_estimators.protocol import EstimatorDesign
-from monitor.input_reconstruction import CLOSED_LOOP, OPEN_LOOP
+from monitor.later import later
 from monitor.options import check_kind
 
 if TYPE_CHECKING:
@@ -21,10 +20,10 @@ if TYPE_CHECKING:
     from monitor.history import History
 
 KINDS: dict[str, Callable[[History, Mapping[str, object]], EstimatorDesign]] = {
-    one_step.KIND: one_step.design,
-    "delayed": delayed.design,
-    OPEN_LOOP: uie.design_open_loop,
-    CLOSED_LOOP: uie.design_closed_loop,
+    "one_step": later("monitor.input_estimators.one_step", "design"),
+    "delayed": later("monitor.input_estimators.delayed", "design"),
+    "op_uie": later("monitor.input_estimators.uie", "design_open_loop"),
+    "cl_uie": later("monitor.input_estimators.uie", "design_closed_loop"),
 }
 
 

@@ -7,7 +7,7 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 import numpy as np
-from pydantic import ConfigDict, Field
+from pydantic import Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from monitor.backstop import guarded
@@ -20,7 +20,7 @@ from monitor.input_reconstruction.sizes import Sizes, fit_windows, larger_future
 from monitor.input_reconstruction.solving import Poles, corrected, least_norm, placed
 from monitor.input_reconstruction.uncertainty import noise_gain
 from monitor.input_reconstruction.zeros import invariant_zeros, invisible, visibility
-from monitor.options import parse_options
+from monitor.options import STRICT, parse_options
 from monitor.proof import hold_back
 from monitor.scaling import norms, spreads
 from monitor.sight import measure_dynamics, measure_residual
@@ -49,7 +49,7 @@ class Fit(Enum):
     LEAST_SQUARES = "least_squares"
 
 
-@checked_dataclass(frozen=True, slots=True, kw_only=True, config=ConfigDict(extra="forbid"))
+@checked_dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
 class InputOptions:
     """Options of both estimators.
 

@@ -7,10 +7,10 @@ from enum import Enum
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import null_space
 
 from monitor.input_reconstruction.poles import Solutions, place
 from monitor.input_reconstruction.realisation import Gains
+from monitor.kernel import null_space
 from monitor.riccati import filter_gain
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from pydantic import ConfigDict, Field
+from pydantic import Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from monitor.backstop import guarded
@@ -15,7 +15,7 @@ from monitor.certificate import Certificate, DataReport
 from monitor.errors import HistoryError
 from monitor.history import Experiment
 from monitor.linear_observer import LinearObserver
-from monitor.options import parse_options
+from monitor.options import STRICT, parse_options
 from monitor.proof import hold_back, noise, prove, rounding
 from monitor.regression import regress_states
 from monitor.riccati import dual_lqr
@@ -42,7 +42,7 @@ _MISFIT = 1e-9  # relative: a history that misses the plant by less carries roun
 _EXACT = 1e-10  # relative rounding of exact samples
 
 
-@checked_dataclass(frozen=True, slots=True, kw_only=True, config=ConfigDict(extra="forbid"))
+@checked_dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
 class LocalOptions:
     """Options of the local module.
 

@@ -9,11 +9,10 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
-from pydantic import ConfigDict
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from monitor.delayed.data_driven import KIND, HistoryOptions, design_chosen
-from monitor.options import parse_options
+from monitor.options import STRICT, parse_options
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
     from monitor.observer import Design
 
 
-@checked_dataclass(frozen=True, slots=True, kw_only=True, config=ConfigDict(extra="forbid"))
+@checked_dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
 class LinkOptions(HistoryOptions):
     """Options of the delayed observer of a link.
 

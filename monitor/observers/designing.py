@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from pydantic import ConfigDict, Field
+from pydantic import Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from monitor.acceptor import fixed_modes, regress, solve, solve_of_rank, unseen_motion
@@ -16,6 +16,7 @@ from monitor.errors import HistoryError
 from monitor.freedom import FreedomOptions, Problem, Refusal, Strategy, choose
 from monitor.history import data_matrices
 from monitor.observer import Design
+from monitor.options import STRICT
 from monitor.output_map import Misfit, identify_output_map
 from monitor.proof import Allowance, hold_back, noise, prove, rounding
 from monitor.rank import RankBasis, RankOptions, decide_rank
@@ -49,7 +50,7 @@ _NOISE_SAFETY = 3.0  # directions closer than this to the error of the subspace 
 _TINY = 1e-300  # keeps 0 / 0 out of a relative misfit
 
 
-@checked_dataclass(frozen=True, slots=True, kw_only=True, config=ConfigDict(extra="forbid"))
+@checked_dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
 class DesignOptions:
     """Options of every unknown-input observer.
 

@@ -12,7 +12,6 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import qr
 
 from monitor.observers.designing import DesignOptions, Shape, design_uio
 from monitor.observers.predicting import predicting_observer
@@ -57,6 +56,8 @@ def split_states(C: NDArray[np.float64], error: float = 0.0) -> tuple[list[int],
     if last[-1] >= _CARRIES * values[rank - 1]:
         fixed = list(range(n - rank, n))
     else:
+        from scipy.linalg import qr  # noqa: PLC0415 (slow to import)
+
         fixed = sorted(int(column) for column in qr(C, pivoting=True)[2][:rank])
     return [state for state in range(n) if state not in fixed], fixed
 

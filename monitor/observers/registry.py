@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 from monitor.backstop import guarded
 from monitor.certificate import Certificate
 from monitor.history import sent_outputs
+from monitor.later import later
 from monitor.observer import Design
-from monitor.observers import delayed, full_order, reduced_order, uie
+from monitor.observers import full_order, reduced_order
 from monitor.options import check_kind
 
 if TYPE_CHECKING:
@@ -21,9 +22,9 @@ if TYPE_CHECKING:
 KINDS: dict[str, Callable[[History, Mapping[str, object]], Design]] = {
     full_order.KIND: full_order.design,
     reduced_order.KIND: reduced_order.design,
-    "delayed": delayed.design,
-    "op_uie": uie.design_open_loop,
-    "cl_uie": uie.design_closed_loop,
+    "delayed": later("monitor.observers.delayed", "design"),
+    "op_uie": later("monitor.observers.uie", "design_open_loop"),
+    "cl_uie": later("monitor.observers.uie", "design_closed_loop"),
 }
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.linalg import cholesky_banded, null_space, solve_banded
 
+from monitor.kernel import null_space
 from monitor.subspace.total_least_squares import total_least_squares
 from monitor.subspace.trajectories import Trajectories, join, split
 
@@ -61,6 +61,8 @@ def _whiten(
     s: NDArray[np.float64], P_p: NDArray[np.float64], P_f: NDArray[np.float64], joined: NDArray[np.bool_]
 ) -> NDArray[np.float64]:
     """L^-1 s with L L' = Gamma; s (c, N) in columns that share a sample where `joined` says so."""
+    from scipy.linalg import cholesky_banded, solve_banded  # noqa: PLC0415 (slow to import)
+
     c, N = s.shape
     here = P_p @ P_p.T + P_f @ P_f.T
     following = P_p @ P_f.T  # covariance of s_t+1 with s_t: both hold the noise of sample t + 1

@@ -6,14 +6,20 @@ import ast
 import os
 import subprocess
 import sys
+from typing import TYPE_CHECKING
 
 import pytest
 from typer.main import get_command
 
 from dcmg.cli import app
 from dcmg.command_table import COMMANDS
-from dcmg.lazy import Command, Group
+from dcmg.lazy import Command, Group, _imported
 
+if TYPE_CHECKING:
+    from pathlib import Path
+
+_DESIGNING = {"bags.mcap.writer", "matplotlib", "pyarrow", "rclpy", "rosbags", "scipy"}
+_UNUSED = {"bokeh", "cvxpy", "jinja2", "matplotlib", "pandas", "pyarrow", "rclpy", "scipy", "xarray"}
 HEAVY = ("cvxpy", "matplotlib", "numpy", "pyarrow", "pydantic", "rclpy", "rosbags", "scipy", "sklearn")
 _SHOW_MODULES = """
 import atexit, sys
@@ -72,6 +78,35 @@ def _rows(table: tuple[Command | Group, ...], words: tuple[str, ...] = ()) -> li
         here = (*words, row.name)
         found += [(here, row)] if isinstance(row, Command) else _rows(tuple(row.commands), here)
     return found
+
+
+def test_all_help_together_imports_nothing_that_runs() -> None:
+    """Every command's own help: what reads options has no scipy, no writer of bags, no pictures and no ROS."""
+    asked = """
+import contextlib, io, sys
+from typer.main import get_command
+from dcmg.cli import app
+with contextlib.redirect_stdout(io.StringIO()):
+    for line in sys.argv[1:]:
+        with contextlib.suppress(SystemExit):
+            get_command(app).main([*line.split(), "--help"], prog_name="dcmg")
+print(sorted(sys.modules))
+"""
+    lines = [
+        " ".join((*words, *inner))
+        for words, row in _rows(tuple(COMMANDS))
+        for inner in [(), *((name,) for name in getattr(_imported(row), "commands", ()))]
+    ]
+    done = subprocess.run([sys.executable, "-c", asked, *lines], capture_output=True, text=True, check=True)
+    assert not set(ast.literal_eval(done.stdout)) & _DESIGNING
+
+
+def test_a_simulation_imports_only_what_it_runs(tmp_path: Path) -> None:
+    """Ten seconds of six DGUs take longer than the imports before them: no scipy, no pictures, no solver."""
+    words = ("simulate", "gallo_six_dgu", "--no-plots", "--duration", "6", "--out", str(tmp_path / "run"))
+    out, modules = _modules(*words)
+    assert "1-2" in out
+    assert not modules & _UNUSED
 
 
 @pytest.mark.parametrize(("words", "row"), _rows(tuple(COMMANDS)), ids=lambda value: str(value)[:20])

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
-from monitor.delayed.realisation import ConstantInput
+from monitor.constant_input import ConstantInput
 from monitor.observers import LinearObserver
 
 if TYPE_CHECKING:

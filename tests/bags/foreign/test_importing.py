@@ -19,7 +19,8 @@ from bags.mcap.errors import BagError
 from bags.runs.reader import open_run, read_run
 from bags.runs.replay import replay
 from bags.runs.run_record import RunRecord
-from bags.tables.export import TableFormat, export
+from bags.tables.export import export
+from bags.tables.table_format import TableFormat
 from bags.watch.histories import read_all_histories, read_histories
 from bags.wire.convert import history_of
 from monitor.history import data_matrices

@@ -15,7 +15,8 @@ from bags.mcap.topic import Topic, TopicKind
 from bags.mcap.writer import BagWriter
 from bags.runs.run_record import RunRecord
 from bags.tables import tabular
-from bags.tables.export import TableFormat, export
+from bags.tables.export import export
+from bags.tables.table_format import TableFormat
 from bags.tables.tabular import dataframe, dataset, table, write_netcdf
 
 

@@ -9,7 +9,8 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 
 from bags.mcap.bag import open_bag
 from bags.mcap.typestore import typestore
-from bags.tables.export import TableFormat, export
+from bags.tables.export import export
+from bags.tables.table_format import TableFormat
 
 FIX = "sensor_msgs/msg/NavSatFix"
 TEXT = "std_msgs/msg/String"

@@ -12,8 +12,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 
 from monitor import input_estimators
+from monitor.constant_input import linear_part
 from monitor.delayed import DelayedDesign, design
-from monitor.delayed.realisation import linear_part
 from monitor.history import Experiment, History
 
 Floats = NDArray[np.float64]

@@ -105,6 +105,7 @@ class AttackClient:
                 "kind": event.kind,
                 "parameters": json.loads(event.parameters),
                 "start_step": event.step,
+                "start_sec": event.header.stamp.sec + event.header.stamp.nanosec * 1e-9,
                 "stop_sec": None if math.isnan(stop_sec) else stop_sec,
                 "active": event.step < answer.step or event.origin == "service",
                 "origin": event.origin,

@@ -3,15 +3,18 @@
 from __future__ import annotations
 
 import json as json_module
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 from rich.console import Console
-from rich.table import Table
 
 from dcmg.attack_words import parse_link, parse_order
+from dcmg.tabular import tabulate
 from dcmg_bringup.attack_client import attack_client
 from dgu_sim.attacks import KINDS
+
+if TYPE_CHECKING:
+    from collections.abc import Mapping
 
 start_app = typer.Typer(add_completion=False, rich_markup_mode="markdown")
 
@@ -78,10 +81,22 @@ def list_(*, domain: Domain = None, json: Json = False) -> None:
     if json:
         typer.echo(json_module.dumps(attacks))
         return
-    table = Table("attack", "link", "kind", "parameters", "from step", r"until \[s]", "state", "origin")
-    for attack in attacks:
-        until = "stopped by hand" if attack["stop_sec"] is None else f"{attack['stop_sec']:g}"
-        state = "active" if attack["active"] else "scheduled"
-        cells = (attack["attack"], attack["link"], attack["kind"], attack["parameters"], attack["start_step"])
-        table.add_row(*(str(cell) for cell in cells), until, state, str(attack["origin"]))
-    Console().print(table if attacks else "no attack is active or scheduled")
+    if not attacks:
+        typer.echo("no attack is active or scheduled")
+        return
+    headings = ("attack", "link", "kind", "parameters", "from [s]", "until [s]", "state", "by")
+    rows = [_row(attack) for attack in attacks]
+    Console().print(tabulate(headings, rows, numbers={"attack", "from [s]"}))
+
+
+def _row(attack: Mapping[str, Any]) -> tuple[str, ...]:
+    """An attack as the cells of the list: its parameters one a line, times in seconds."""
+    parameters = "\n".join(f"{name} {_value(value)}" for name, value in attack["parameters"].items())
+    until = "stopped" if attack["stop_sec"] is None else f"{attack['stop_sec']:g}"
+    state = "active" if attack["active"] else "scheduled"
+    start = f"{attack['start_sec']:g}"
+    return (str(attack["attack"]), attack["link"], attack["kind"], parameters, start, until, state, attack["origin"])
+
+
+def _value(value: object) -> str:
+    return " ".join(map(str, value)) if isinstance(value, list) else str(value)

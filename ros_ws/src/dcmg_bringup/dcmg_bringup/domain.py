@@ -26,6 +26,7 @@ if TYPE_CHECKING:
 # Above 101 the UDP ports of a domain run into Linux's ephemeral range; 0 is everybody's default.
 DOMAINS = range(1, 102)
 _PRIVATE = 0o700
+REPLAY = "replay of "  # how the name of a system begins that plays a bag
 LAST_DOMAIN = 232  # beyond it there are no UDP ports left
 _VARIABLE = "ROS_DOMAIN_ID"
 _PORT_BASE, _PORTS_PER_DOMAIN, _FIRST_UNICAST, _CHECKED_PORTS = 7400, 250, 10, 4

@@ -10,8 +10,6 @@ from typing import Annotated
 
 import typer
 
-from bags.foreign.mapping import load_mapping
-from bags.foreign.watching import stream_monitors
 from dcmg_bringup.domain import checked_domain
 from dcmg_bringup.said import said_in_one_line
 
@@ -39,6 +37,9 @@ def monitor(
     Publishes /dgu_j/residual/dgu_i, /dgu_j/alarms, /dgu_j/received/dgu_i, /dgu_j/design/dgu_i, /dgu_j/stream and
     /diagnostics. No simulator, clock or tick of ours is needed; ROS variables of the environment apply.
     """
+    from bags.foreign.mapping import load_mapping  # noqa: PLC0415 (heavy)
+    from bags.foreign.watching import stream_monitors  # noqa: PLC0415 (heavy)
+
     found_domain = checked_domain(domain)
     found = load_mapping(mapping)
     monitors = stream_monitors(found, str(mapping), history)

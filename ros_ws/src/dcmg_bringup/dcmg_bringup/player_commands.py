@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from dcmg.errors import CommandError
-from dcmg_bringup.domain import checked_domain, running_systems
-from dcmg_bringup.replay_publish import REPLAY
+from dcmg_bringup.domain import REPLAY, checked_domain, running_systems
 
 if TYPE_CHECKING:
     from dcmg_msgs.srv import ControlReplay

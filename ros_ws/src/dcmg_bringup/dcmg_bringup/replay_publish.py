@@ -20,7 +20,7 @@ from bags.wire.origin import SCENARIO_ATTACHMENT
 from bags.wire.schema import monitor_name
 from dcmg.commands.definitions import EXIT_LEFT_OUT
 from dcmg.errors import CommandError
-from dcmg_bringup.domain import checked_domain, choose_domain
+from dcmg_bringup.domain import REPLAY, checked_domain, choose_domain
 from dcmg_bringup.keys import keys
 from dcmg_bringup.processes import ProcessGroup
 from dcmg_bringup.replay_display import ReplayDisplay
@@ -37,7 +37,6 @@ if TYPE_CHECKING:
     from dcmg_nodes.wiring import Wiring
     from dgu_sim.scenario import Scenario
 
-REPLAY = "replay of "  # what the list of running systems says of one
 _EXIT_FAILED = 1
 _EXIT_INTERRUPTED = 130
 _EXIT_GRACE_SEC = 5.0
