@@ -6,11 +6,12 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 from bags.mcap.recording import TopicFilter
-from bags.sources.recorded import Known
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
+
+    from bags.sources.recorded import Known
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -25,6 +26,7 @@ class PublishOptions:
         out: folder for the logs of the monitors, None: a new one below `out`.
     """
 
+    known: Known
     rate: float = 1.0
     start_offset_sec: float = 0.0
     duration_sec: float | None = None
@@ -37,5 +39,4 @@ class PublishOptions:
     monitors: bool = False
     attached: Sequence[str] = ()
     domain: int | None = None
-    known: Known = field(default_factory=Known)
     out: Path | None = None
