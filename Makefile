@@ -17,7 +17,7 @@ unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH 
 unexport RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
 endif
 
-.PHONY: help demo test lint kernels lowest fuzz bench colcon install clean FORCE
+.PHONY: help demo test lint kernels lowest fuzz torture bench colcon install clean FORCE
 .DELETE_ON_ERROR:
 
 help: ## this list
@@ -52,6 +52,9 @@ lowest: $(VENV)/complete ## the numerical tests with the lowest versions that py
 MINUTES := 10
 fuzz: install ## random plants against every design, MINUTES=10 (docs/fuzz.md)
 	@$(PY) -m tests.fuzz.run --minutes $(MINUTES)
+
+torture: install ## kills, hangs, damaged bags and hostile input against the product, MINUTES=10 (docs/torture.md)
+	@$(PY) -m tests.torture.run --minutes $(MINUTES)
 
 bench: install ## measure the speed on this machine
 	@$(PY) -m pytest -m bench -s tests/bench

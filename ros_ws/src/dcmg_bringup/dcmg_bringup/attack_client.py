@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 from dcmg.errors import CommandError
 from dcmg_bringup.domain import RunningSystem, checked_domain, running_systems
 from dcmg_bringup.ros_environment import ros_environment
+from dcmg_nodes.ros_arguments import ros_arguments
 
 if TYPE_CHECKING:
     from collections.abc import Iterator, Mapping, Sequence
@@ -57,7 +58,7 @@ class AttackClient:
 
         self._domain = system.domain
         self._rclpy = rclpy
-        rclpy.init()
+        rclpy.init(args=ros_arguments())
         self._node = Node("dcmg_attack_client", enable_rosout=False, start_parameter_services=False)
 
     def start(

@@ -10,6 +10,7 @@ import typer
 
 from dcmg.errors import CommandError
 from dcmg_bringup.domain import REPLAY, checked_domain, running_systems
+from dcmg_nodes.ros_arguments import ros_arguments
 
 if TYPE_CHECKING:
     from dcmg_msgs.srv import ControlReplay
@@ -87,7 +88,7 @@ def _call(domain: int | None, command: str, *, steps: int = 0, rate: float = 0.0
     from dcmg_msgs.srv import ControlReplay  # noqa: PLC0415
     from rclpy.node import Node  # noqa: PLC0415
 
-    rclpy.init()
+    rclpy.init(args=ros_arguments())
     try:
         node = Node("dcmg_player_client", enable_rosout=False, start_parameter_services=False)
         client = node.create_client(ControlReplay, "/player/control")

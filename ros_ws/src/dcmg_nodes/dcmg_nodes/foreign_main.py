@@ -17,6 +17,7 @@ from dcmg_nodes.executor import make_executor, spin_until
 from dcmg_nodes.foreign_monitor_node import NAME, ForeignConfig, ForeignMonitorNode
 from dcmg_nodes.lifetime import Lifetime
 from dcmg_nodes.options import ExecutorKind
+from dcmg_nodes.ros_arguments import ros_arguments
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -75,7 +76,7 @@ def watch_foreign_topics(
         BagError: the bag cannot be written.
     """
     lifetime = Lifetime((NAME,))
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    rclpy.init(args=ros_arguments(), signal_handler_options=SignalHandlerOptions.NO)
     try:
         with ExitStack() as stack:
             for number in (signal.SIGINT, signal.SIGTERM):

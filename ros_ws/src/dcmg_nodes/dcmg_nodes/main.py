@@ -25,6 +25,7 @@ from dcmg_nodes.host import host_of
 from dcmg_nodes.monitor_node import MonitorConfig, MonitorNode
 from dcmg_nodes.options import BAG, NodeOptions
 from dcmg_nodes.recorder_node import RecorderNode
+from dcmg_nodes.ros_arguments import ros_arguments
 from dcmg_nodes.wiring import RECORDER_NODE, Wiring, wiring_of
 from dgu_sim.settings import Accept
 from dgu_sim.simulate import relay_of
@@ -56,7 +57,7 @@ def run_nodes(names: Sequence[str], scenario: Scenario, options: NodeOptions) ->
             raise NodeError(f"{name}: no such node; scenario {scenario.name} has {', '.join(wiring.nodes)}")
     host = host_of(tuple(names))
     # A KeyboardInterrupt could hit in the middle of a step: take signals between callbacks instead.
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    rclpy.init(args=ros_arguments(), signal_handler_options=SignalHandlerOptions.NO)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: host.lifetime.interrupt())
     try:

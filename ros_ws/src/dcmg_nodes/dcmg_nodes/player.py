@@ -20,6 +20,7 @@ from dcmg_nodes.options import ExecutorKind
 from dcmg_nodes.pace import Pace
 from dcmg_nodes.player_node import PlayerNode
 from dcmg_nodes.playing import Played
+from dcmg_nodes.ros_arguments import ros_arguments
 from dcmg_nodes.stand_in import StandIn, doubled_steps, live_topics
 
 if TYPE_CHECKING:
@@ -45,7 +46,7 @@ def play(playback: Playback, options: PlayOptions, watcher: Watcher) -> Played:
         BagError: the bag is damaged.
     """
     stopped: list[int] = []
-    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    rclpy.init(args=ros_arguments(), signal_handler_options=SignalHandlerOptions.NO)
     before = {number: signal.signal(number, lambda *_: stopped.append(1)) for number in (signal.SIGINT, signal.SIGTERM)}
     try:
         with ExitStack() as stack:

@@ -12,6 +12,7 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
 from dcmg_nodes.ports import CONTROL_QOS
+from dcmg_nodes.ros_arguments import ros_arguments
 from dcmg_nodes.wiring import END, PACING, PROGRESS
 
 if TYPE_CHECKING:
@@ -34,7 +35,7 @@ class ViewNode:
         self.pacing = Pacing()
         self.end: RunEnd | None = None
         self._context = rclpy.Context()
-        self._context.init()
+        self._context.init(args=ros_arguments())
         self._node = Node("dcmg_view", context=self._context, enable_rosout=False, start_parameter_services=False)
         self._executor = SingleThreadedExecutor(context=self._context)
         self._executor.add_node(self._node)

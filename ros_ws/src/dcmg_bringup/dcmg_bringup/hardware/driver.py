@@ -17,6 +17,8 @@ import rclpy
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 from rosbags.highlevel import AnyReader
 
+from dcmg_nodes.ros_arguments import ros_arguments
+
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
@@ -37,7 +39,7 @@ def publish(bag: Path, rate: float, readers: int) -> int:
     Returns:
         How many messages were published.
     """
-    rclpy.init()
+    rclpy.init(args=ros_arguments())
     node = rclpy.create_node("laboratory_driver")
     count = 0
     with AnyReader([bag]) as reader:
