@@ -21,7 +21,7 @@ from dcmg.shipped import scenario_path
 from dgu_sim.scenario import load_scenario
 from tests.torture.outcome import Outcome
 from tests.torture.readers import refused_by
-from tests.torture.scene import Scene, children, nodes, shared_memory, stacks, wait_until
+from tests.torture.scene import Scene, children, nodes, shared_memory, stacks, unowned, wait_until
 
 if TYPE_CHECKING:
     import subprocess
@@ -89,7 +89,7 @@ def killed(seed: int, folder: Path) -> Outcome:
             run.kill()
             run.wait()
     wait_until(lambda: not scene.processes(), _MOST_LEFT_SEC)
-    left = scene.left() + sorted(shared_memory() - memory)
+    left = scene.left() + sorted(unowned(shared_memory() - memory))
     broken += [f"left behind: {one}" for one in left]
     if broken:
         broken.append(f"said: {scene.said()[-600:]!r}")

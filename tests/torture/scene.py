@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from collections.abc import Callable, Sequence
 
 DCMG = (sys.executable, "-m", "dcmg")
+_SHARED = Path("/dev/shm")  # noqa: S108 - where Fast DDS would leave files
 _POLL_SEC = 0.005
 _GIVEN_UP_SEC = 120.0  # what nothing may take, however busy the machine
 
@@ -79,7 +80,19 @@ class Scene:
 
 def shared_memory() -> set[str]:
     """Names of this machine's shared-memory files of DDS."""
-    return {path.name for path in Path("/dev/shm").iterdir() if "fastrtps" in path.name}  # noqa: S108 (where Fast DDS would leave files)
+    return {path.name for path in _SHARED.glob("*fastrtps*")}
+
+
+def unowned(names: set[str]) -> set[str]:
+    """Those of the shared-memory files that no living process uses: other programs' own are theirs."""
+    used = ""
+    for maps in Path("/proc").glob("[0-9]*/maps") if names else ():
+        try:
+            used += maps.read_text()
+        except OSError:
+            continue
+    there = {path.name for path in _SHARED.iterdir()}
+    return {name for name in names & there if f"{name.removeprefix('sem.')}\n" not in used and f"{name}\n" not in used}
 
 
 def wait_until(condition: Callable[[], bool], timeout_sec: float = _GIVEN_UP_SEC) -> bool:

@@ -24,6 +24,7 @@ import setproctitle
 
 from bags.orphans import die_with
 from dcmg.errors import CommandError
+from dcmg_bringup.interruptions import end_by_signals, held_back
 from dcmg_bringup.reaper import Reaper
 from dcmg_nodes.wiring import RECORDER_NODE
 
@@ -112,10 +113,11 @@ class ProcessGroup:
             process = context.Process(
                 target=_node_process, args=(os.getpid(), reaper, log, members, (scenario, options)), name=name
             )
-            process.start()
-            self._processes[name] = process
-            if process.pid is not None:
-                reaper.look_after(process.pid)
+            with held_back():
+                process.start()
+                self._processes[name] = process
+                if process.pid is not None:
+                    reaper.look_after(process.pid)
 
     @property
     def pids(self) -> tuple[int, ...]:
@@ -200,6 +202,7 @@ def _node_process(
     parent: int, reaper: Reaper, log: Path, members: Sequence[str], what: tuple[Scenario, NodeOptions]
 ) -> None:
     """Be the node process: own session (Ctrl-C reaches the supervisor alone), own log, own title."""
+    end_by_signals()
     die_with(parent, signal.SIGINT if RECORDER_NODE in members else signal.SIGKILL)  # a recorder closes its bag
     reaper.forget()
     scenario, options = what

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-import signal
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
@@ -12,6 +11,7 @@ from bags.mcap.errors import BagError
 from bags.mcap.recording import Recording
 from bags.mcap.repair import repair
 from dcmg_bringup.domain import choose_domain
+from dcmg_bringup.interruptions import interruptions
 from dcmg_bringup.processes import ProcessGroup
 from dcmg_bringup.ros_environment import ros_environment
 from dcmg_bringup.watchdog import Watchdog
@@ -19,6 +19,7 @@ from dcmg_nodes.options import BAG, NodeOptions, PacingMode
 from dcmg_nodes.wiring import wiring_of
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from dcmg_msgs.msg import Alarm
@@ -108,11 +109,13 @@ def run_job(scenario: Scenario, out: Path, options: RunOptions, display: Display
             recording=options.recording,
             designs=options.designs,
         )
-        group = ProcessGroup(nodes, scenario, node_options, out / "log")
-        try:
-            return _follow(wiring, group, _silence_sec(scenario, node_options), out / BAG, display)
-        finally:
-            group.stop()
+        with interruptions() as told:
+            group = ProcessGroup(nodes, scenario, node_options, out / "log")
+            try:
+                watchdog = Watchdog(group, _silence_sec(scenario, node_options))
+                return _follow(wiring, group, watchdog, bag=out / BAG, display=display, told=told)
+            finally:
+                group.stop()
 
 
 def _silence_sec(scenario: Scenario, options: NodeOptions) -> float:
@@ -121,7 +124,9 @@ def _silence_sec(scenario: Scenario, options: NodeOptions) -> float:
     return waits + _PERIODS * scenario.sampling_period_sec / options.rate
 
 
-def _follow(wiring: Wiring, group: ProcessGroup, silence_sec: float, bag: Path, display: Display) -> RunOutcome:
+def _follow(
+    wiring: Wiring, group: ProcessGroup, watchdog: Watchdog, *, bag: Path, display: Display, told: Sequence[int]
+) -> RunOutcome:
     from dcmg_nodes.view_node import ViewNode  # noqa: PLC0415 (needs the ROS environment of this run)
 
     accusations = {wiring.topics.accusations(dgu).topic.name for dgu in wiring.topics.dgus}
@@ -132,12 +137,7 @@ def _follow(wiring: Wiring, group: ProcessGroup, silence_sec: float, bag: Path, 
             display.alarm(f"t = {seconds:7.2f} s  {_in_words(alarm, by_team=topic in accusations)}")
 
     alarms = [topic.name for topic in wiring.topics.all if topic.type_name == "dcmg_msgs/msg/Alarm"]
-    told: list[int] = []
-    # KeyboardInterrupt could hit in the middle of rclpy's C++, which makes another error of it
-    signals = (signal.SIGINT, signal.SIGTERM)
-    before = {number: signal.signal(number, lambda number, _: told.append(number)) for number in signals}
     view = ViewNode(alarms, on_alarm)
-    watchdog = Watchdog(group, silence_sec)
     trouble, stalled = None, False
     try:
         while not (view.end or trouble or stalled or told):
@@ -153,8 +153,6 @@ def _follow(wiring: Wiring, group: ProcessGroup, silence_sec: float, bag: Path, 
     finally:
         group.stop()
         view.close()
-        for number, handler in before.items():
-            signal.signal(number, handler)
     steps = _recorded_steps(bag, wiring)
     display.steps(steps)
     failure = None
