@@ -3,9 +3,11 @@
 import ctypes
 import os
 import signal
+from pathlib import Path
 
 _PR_SET_PDEATHSIG = 1
 _EXIT_ORPHANED = 1
+_STOPPED = "T"
 
 
 def die_with(parent: int, number: signal.Signals = signal.SIGKILL) -> None:
@@ -23,3 +25,11 @@ def die_with(parent: int, number: signal.Signals = signal.SIGKILL) -> None:
     ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, number)
     if os.getppid() != parent:  # it died before the line above: no signal will come
         os._exit(_EXIT_ORPHANED)
+
+
+def is_stopped(pid: int | None) -> bool:
+    """Tell whether a signal has stopped a process (SIGSTOP, SIGTSTP)."""
+    try:
+        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0] == _STOPPED
+    except (OSError, IndexError):
+        return False  # it is gone

@@ -118,7 +118,7 @@ def _run(cells: Sequence[StudyCell], folder: Path, workers: int, *, quiet: bool)
             bar.update(task, completed=finished, total=total, refresh=True)
 
         try:
-            path = run_study(cells, folder, workers, show)
+            path = run_study(cells, folder, workers, show, lambda line: bar.console.print(line, markup=False))
         except KeyboardInterrupt:
             bar.stop()
             typer.echo(

@@ -17,12 +17,11 @@ import signal
 import sys
 import time
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import setproctitle
 
-from bags.orphans import die_with
+from bags.orphans import die_with, is_stopped
 from dcmg.errors import CommandError
 from dcmg_bringup.interruptions import end_by_signals, held_back
 from dcmg_bringup.reaper import Reaper
@@ -31,6 +30,7 @@ from dcmg_nodes.wiring import RECORDER_NODE
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
     from multiprocessing.context import ForkProcess
+    from pathlib import Path
 
     from dcmg_nodes.options import NodeOptions
     from dgu_sim.scenario import Scenario
@@ -39,7 +39,6 @@ _INTERRUPT_GRACE_SEC = 3.0
 _TERMINATE_GRACE_SEC = 1.0
 _POLL_SEC = 0.02
 _EXIT_FAILED = 1
-_STOPPED = "T"
 _FILES = 256  # what a node with its DDS participant opens, and some
 # what the nodes import, as far as it does not import rclpy
 _PRELOADED = (
@@ -137,7 +136,7 @@ class ProcessGroup:
 
     def stopped(self) -> list[str]:
         """Return the names of the processes that a signal has stopped (SIGSTOP, SIGTSTP)."""
-        return [name for name, process in self._processes.items() if _state(process.pid) == _STOPPED]
+        return [name for name, process in self._processes.items() if is_stopped(process.pid)]
 
     def wait(self, timeout_sec: float) -> bool:
         """Wait for all processes to end by themselves; tell whether they did."""
@@ -188,14 +187,6 @@ def _allow_files(processes: int) -> None:
         raise CommandError(f"{hard} open files are allowed, a run of {processes} processes needs {needed}: `ulimit -n`")
     if soft != resource.RLIM_INFINITY and soft < needed:
         resource.setrlimit(resource.RLIMIT_NOFILE, (needed, hard))
-
-
-def _state(pid: int | None) -> str:
-    """Return the kernel's letter for what a process does; empty when it is gone."""
-    try:
-        return Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()[0]
-    except (OSError, IndexError):
-        return ""
 
 
 def _node_process(

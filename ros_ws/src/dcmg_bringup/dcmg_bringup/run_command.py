@@ -142,6 +142,9 @@ def _ended(outcome: RunOutcome, scenario: Scenario, out: Path, recording: Record
             soft_wrap=True,
         )
         return _EXIT_FAILED
+    if outcome.interrupted and not outcome.steps:
+        messages.print("interrupted before the first step was recorded")
+        return _EXIT_INTERRUPTED
     if outcome.interrupted:
         messages.print(
             f"interrupted at step {outcome.steps}; the bag is closed: {outcome.bag}",
