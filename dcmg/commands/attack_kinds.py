@@ -39,7 +39,7 @@ def attack_kinds(
         Console().print(tabulate(headings, rows))
         return
     attack = chosen[kind]
-    typer.echo(f"{kind}: {' '.join((attack.__doc__ or '').split())}\nThe attacker must know: {attack.knows}.")
+    typer.echo(f"{kind}: {_text(attack.__doc__ or '')}\nThe attacker must know: {attack.knows}.")
     typer.echo(f"MITRE ATT&CK for ICS: {', '.join(_techniques(kind)) or 'no technique that matches'}.")
     table = tabulate(("parameter", "default", "meaning"), parameters_of(attack))
     Console().print(table if attack.model_fields else "no parameters")
@@ -48,3 +48,7 @@ def attack_kinds(
 
 def _techniques(kind: str) -> list[str]:
     return [str(one) for one in techniques_of(kind)]
+
+
+def _text(docstring: str) -> str:
+    return " ".join(docstring.split()).replace("theory section", "docs/theory.md, section")
