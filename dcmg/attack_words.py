@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import yaml
@@ -12,6 +13,8 @@ from pydantic_core import PydanticUndefined
 from dcmg.errors import CommandError
 from dgu_sim.attacks import KINDS, build_attack, known_kind
 from dgu_sim.grid import Link
+from dgu_sim.scenario_file import WAVEFORM
+from dgu_sim.table_file import ATTACK_COLUMNS, TableFileError, embed_table
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -26,6 +29,7 @@ EXAMPLES: Mapping[str, str] = {
     "bias_sine": "1-2 --amplitude 0 0.5 0 --period-sec 1",
     "bias_pulse": "1-2 --bias 0 0.5 0 --period-sec 1 --width-sec 0.1",
     "bias_random": "1-2 --spread 0.1 0.1 0.1 --distribution gaussian",
+    "bias_waveform": "1-2 --time-sec 0 1 2 --current-a 0 0.5 0 --interpolation linear --repeat true",
     "scaling": "1-2 --gain 1 1.05 1",
     "freeze": "1-2",
     "delay": "1-2 --samples 10",
@@ -76,6 +80,11 @@ def parse_order(words: Sequence[str]) -> Order:
         if name in parameters:
             raise CommandError(f"{kind} attack: --{name.replace('_', '-')} is given twice")
         parameters[name] = _value(name, values)
+    if kind == WAVEFORM:
+        try:
+            embed_table(parameters, ATTACK_COLUMNS, Path())
+        except TableFileError as error:
+            raise CommandError(f"{kind} attack: {error}") from error
     attack = build_attack(kind, parameters)
     attack.check_links(links)
     return Order(kind=kind, links=links, parameters=attack.model_dump(mode="json"))

@@ -1,5 +1,6 @@
 """Load currents: what a DGU's consumers draw, as a function of the step."""
 
+from functools import cached_property
 from typing import Annotated, Literal, Protocol, Self, TypeAlias
 
 import numpy as np
@@ -9,6 +10,7 @@ from pydantic import Field, model_validator
 from dgu_sim.linear import FloatArray
 from dgu_sim.model import Frozen, Number, finding
 from dgu_sim.signals import BLOCK, RandomSource, first_step
+from dgu_sim.table import Table
 
 __all__ = ["ConstantLoad", "GaussianLoad", "Load", "LoadModel", "RampLoad", "StepLoad", "TableLoad", "UniformLoad"]
 
@@ -138,35 +140,31 @@ class GaussianLoad(Frozen):
         return self.mean_a
 
 
-class TableLoad(Frozen):
-    """I_L(t) = current_a[n] for time_sec[n] <= t < time_sec[n+1]; the last value stays."""
+class TableLoad(Table):
+    """I_L(t) = offset_a + scale * (current_a at t), held or interpolated between the times."""
 
-    kind: Literal["table"] = Field(description="Currents at given times, each held until the next time.")
-    time_sec: tuple[Number, ...] = Field(min_length=1, description="Times [s], increasing, the first one 0.")
-    current_a: tuple[Number, ...] = Field(min_length=1, description="Current from each time on [A].")
+    kind: Literal["table"] = Field(description="Currents at given times.")
+    current_a: tuple[Number, ...] = Field(min_length=1, description="Current at each time [A].")
+    scale: Number = Field(default=1.0, description="Factor of the currents.")
+    offset_a: Number = Field(default=0.0, description="Added to them [A].")
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:
-        if self.time_sec[0] != 0.0:
-            raise finding(("time_sec", 0), self.time_sec[0], "expected 0: the table covers the run from its start")
-        for row in range(1, len(self.time_sec)):
-            if not self.time_sec[row] > self.time_sec[row - 1]:
-                expected = f"expected a time after {self.time_sec[row - 1]:g}"
-                raise finding(("time_sec", row), self.time_sec[row], expected)
-        if len(self.current_a) != len(self.time_sec):
-            found = f"{len(self.current_a)} values"
-            raise finding(("current_a",), found, f"expected {len(self.time_sec)}, as many as time_sec")
+        self.check_rows("current_a", len(self.current_a))
         return self
 
     def current(self, first: int, count: int, sampling_period_sec: float, source: RandomSource) -> FloatArray:
         """Return the current [A], shape (count,)."""
         del source
-        rows = [first_step(time, sampling_period_sec) for time in self.time_sec]
-        return np.array(self.current_a)[np.searchsorted(rows, _steps(first, count), side="right") - 1]
+        return self.offset_a + self.scale * self.values(self._currents, _steps(first, count), sampling_period_sec)
 
     def nominal(self) -> float:
         """Return the current at t = 0 [A]."""
-        return self.current_a[0]
+        return float(self.offset_a + self.scale * self.values(self._currents, _steps(0, 1), 1.0)[0])
+
+    @cached_property
+    def _currents(self) -> FloatArray:
+        return np.array(self.current_a)
 
 
 Load: TypeAlias = Annotated[

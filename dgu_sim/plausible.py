@@ -3,6 +3,7 @@
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
+from dgu_sim.loads import TableLoad
 from dgu_sim.scenario import Scenario
 
 __all__ = ["RANGES", "Concern", "concerns"]
@@ -60,6 +61,11 @@ def _times(scenario: Scenario) -> Iterator[Concern]:
     if abs(whole - length) > 1e-6 * period:
         text = f"duration_sec = {length:g}: no multiple of sampling_period_sec = {period:g}"
         yield Concern(text=f"{text}: the run has {scenario.steps} steps, {whole:g} s")
+    for at, dgu in enumerate(scenario.dgus):
+        for index, load in enumerate(dgu.load):
+            if isinstance(load, TableLoad) and load.time_sec[0] - load.from_sec >= whole:
+                text = f"dgus.{at}.load.{index}.time_sec.0 = {load.time_sec[0]:g}: the run ends at {whole:g} s"
+                yield Concern(text=f"{text}: its first row holds all the time; from_sec shifts it")
     for index, attack in enumerate(scenario.attacks):
         if attack.start_sec >= whole:
             text = f"attacks.{index}.start_sec = {attack.start_sec:g}"

@@ -66,7 +66,7 @@ def parse_scenario(
     """
     data = parse_yaml(text, source)
     apply_overrides(data, overrides, source)
-    embed_tables(data, source, directory)
+    embed_tables(data, source, directory, overrides)
     resolve_history_bag(data, directory)
     try:
         return Scenario.model_validate(data)

@@ -1,6 +1,5 @@
 """From the text of a scenario file to plain data: YAML, overrides, CSV tables."""
 
-import csv
 from collections.abc import Hashable, Sequence
 from pathlib import Path
 from typing import Any
@@ -9,11 +8,21 @@ import yaml
 
 from dgu_sim.errors import ScenarioError
 from dgu_sim.explain import shown
+from dgu_sim.table_file import ATTACK_COLUMNS, LOAD_COLUMNS, TableFileError, embed_table
 from dgu_sim.yaml_limits import check_limits
 
-__all__ = ["apply_overrides", "embed_tables", "parse_yaml", "raised_by", "resolve_history_bag"]
+__all__ = [
+    "WAVEFORM",
+    "apply_overrides",
+    "embed_tables",
+    "embed_waveforms",
+    "parse_yaml",
+    "raised_by",
+    "resolve_history_bag",
+]
 
-COLUMNS = ("time_sec", "current_a")
+WAVEFORM = "bias_waveform"
+"""The kind of attack that may name a file."""
 
 
 class _UniqueKeyLoader(yaml.SafeLoader):
@@ -86,23 +95,43 @@ def raised_by(key: tuple[str | int, ...], overrides: Sequence[str], source: str)
     return source
 
 
-def embed_tables(data: dict[str, Any], source: str, directory: Path | None) -> None:
-    """Replace `file: table.csv` of table loads by the values, in place: a resolved scenario needs no other file.
+def embed_tables(data: dict[str, Any], source: str, directory: Path | None, overrides: Sequence[str] = ()) -> None:
+    """Replace `file: table.csv` of loads and attacks by the values, in place: a resolved scenario needs no other file.
 
     Raises:
-        ScenarioError: A file cannot be read or is not a table of time_sec and current_a.
+        ScenarioError: A file cannot be read or lacks a column.
     """
-    dgus = data.get("dgus")
-    for index, dgu in enumerate(dgus if isinstance(dgus, list) else []):
-        loads = dgu.get("load") if isinstance(dgu, dict) else None
-        for item, load in enumerate(loads if isinstance(loads, list) else []):
-            if isinstance(load, dict) and load.get("kind") == "table" and "file" in load:
-                where = f"{source}: dgus.{index}.load.{item}.file = {shown(load['file'])}"
-                table = _read_table(where, load.pop("file"), directory)
-                for column, values in zip(COLUMNS, table, strict=True):
-                    if column in load:
-                        raise ScenarioError(f"{where}: expected either a file or {column}, found both")
-                    load[column] = values
+    for index, dgu in enumerate(_entries(data.get("dgus"))):
+        for item, load in enumerate(_entries(dgu.get("load"))):
+            if load.get("kind") == "table":
+                key = ("dgus", index, "load", item)
+                _embed(load, LOAD_COLUMNS, directory, f"{raised_by(key, overrides, source)}: dgus.{index}.load.{item}")
+    embed_waveforms(data, source, directory, overrides)
+
+
+def embed_waveforms(data: dict[str, Any], source: str, directory: Path | None, overrides: Sequence[str] = ()) -> None:
+    """Do so for the attacks, what a second publisher falsifies included.
+
+    Raises:
+        ScenarioError: A file cannot be read or lacks a column.
+    """
+    for index, attack in enumerate(_entries(data.get("attacks"))):
+        blamed = raised_by(("attacks", index), overrides, source)
+        for key, one in ((f"attacks.{index}", attack), (f"attacks.{index}.falsify", attack.get("falsify"))):
+            if isinstance(one, dict) and one.get("kind") == WAVEFORM:
+                _embed(one, ATTACK_COLUMNS, directory, f"{blamed}: {key}")
+
+
+def _entries(section: object) -> list[dict[str, Any]]:
+    """Entries of a list that may be anything yet; what is none stands for itself as an empty one."""
+    return [one if isinstance(one, dict) else {} for one in section] if isinstance(section, list) else []
+
+
+def _embed(entry: dict[str, Any], known: Sequence[str], directory: Path | None, where: str) -> None:
+    try:
+        embed_table(entry, known, directory)
+    except TableFileError as error:
+        raise ScenarioError(f"{where}.{error}") from error
 
 
 def resolve_history_bag(data: dict[str, Any], directory: Path | None) -> None:
@@ -111,30 +140,6 @@ def resolve_history_bag(data: dict[str, Any], directory: Path | None) -> None:
     bag = history.get("bag") if isinstance(history, dict) else None
     if directory is not None and isinstance(bag, str):
         data["history"]["bag"] = str((directory / bag).resolve())
-
-
-def _read_table(where: str, file: object, directory: Path | None) -> tuple[list[float], list[float]]:
-    if directory is None or not isinstance(file, str):
-        raise ScenarioError(f"{where}: expected the name of a CSV file beside the scenario file")
-    try:
-        with (directory / file).open(newline="", encoding="utf-8") as stream:
-            rows = list(csv.reader(stream))
-    except (OSError, UnicodeDecodeError) as error:
-        raise ScenarioError(f"{where}: expected a readable CSV file in {directory}") from error
-    header = tuple(name.strip() for name in rows[0]) if rows else ()
-    if header != COLUMNS:
-        raise ScenarioError(f"{where}: expected the header {','.join(COLUMNS)}, found {shown(','.join(header))}")
-    times, currents = [], []
-    for number, row in enumerate(rows[1:], start=2):
-        try:
-            time, current = (float(cell) for cell in row)
-        except ValueError as error:
-            raise ScenarioError(
-                f"{where}: line {number}: expected two numbers, found {shown(','.join(row))}"
-            ) from error
-        times.append(time)
-        currents.append(current)
-    return times, currents
 
 
 def _split(override: str) -> tuple[list[str], object]:

@@ -16,7 +16,7 @@ from dgu_sim.errors import ScenarioError
 from dgu_sim.explain import explain
 from dgu_sim.grid import Link
 from dgu_sim.model import Frozen, Number, finding
-from dgu_sim.scenario_file import parse_yaml
+from dgu_sim.scenario_file import embed_waveforms, parse_yaml
 from dgu_sim.settings import AttackSettings, MonitorSettings
 
 _OUTPUTS = 3  # components of a received output
@@ -198,9 +198,11 @@ def load_data(path: Path) -> dict[str, Any]:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
         raise BagError(f"{path}: expected a readable mapping file: {reason}") from error
     try:
-        return parse_yaml(text, str(path))
+        data = parse_yaml(text, str(path))
+        embed_waveforms(data, str(path), path.parent)
     except ScenarioError as error:
         raise BagError(str(error).replace("a mapping of scenario keys", "a mapping of keys")) from error
+    return data
 
 
 def mapping_of(data: MappingType[str, object], source: str) -> Mapping:

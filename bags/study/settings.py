@@ -11,7 +11,7 @@ from dgu_sim.errors import ScenarioError
 from dgu_sim.explain import explain
 from dgu_sim.model import Frozen, Number, finding
 from dgu_sim.monitor_settings import LocalSettings, PlausibilitySettings
-from dgu_sim.scenario_file import apply_overrides, parse_yaml, raised_by
+from dgu_sim.scenario_file import apply_overrides, embed_waveforms, parse_yaml, raised_by
 
 __all__ = ["Condition", "Study", "StudyAttack", "StudyDetector", "StudyObserver", "Sweep", "load_study"]
 
@@ -150,6 +150,7 @@ def load_study(path: Path, overrides: Sequence[str] = ()) -> Study:
     try:
         data = parse_yaml(text, str(path))
         apply_overrides(data, overrides, str(path))
+        embed_waveforms(data, str(path), path.parent, overrides)
     except ScenarioError as error:
         raise StudyError(str(error)) from error
     try:

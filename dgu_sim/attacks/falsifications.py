@@ -7,6 +7,7 @@ from dgu_sim.attacks.bias_pulse import BiasPulse
 from dgu_sim.attacks.bias_ramp import BiasRamp
 from dgu_sim.attacks.bias_random import BiasRandom
 from dgu_sim.attacks.bias_sine import BiasSine
+from dgu_sim.attacks.bias_waveform import BiasWaveform
 from dgu_sim.attacks.covert import Covert
 from dgu_sim.attacks.delay import Delay
 from dgu_sim.attacks.drop import Drop
@@ -27,6 +28,7 @@ FALSIFICATIONS: Mapping[str, type[Attack]] = {
     "bias_sine": BiasSine,
     "bias_pulse": BiasPulse,
     "bias_random": BiasRandom,
+    "bias_waveform": BiasWaveform,
     "scaling": Scaling,
     "freeze": Freeze,
     "delay": Delay,

@@ -39,6 +39,7 @@ TECHNIQUES: Mapping[str, tuple[Technique, ...]] = {
     "bias_sine": _FALSIFY,
     "bias_pulse": _FALSIFY,
     "bias_random": _FALSIFY,
+    "bias_waveform": _FALSIFY,
     "scaling": _FALSIFY,
     "freeze": _FALSIFY,
     "delay": (_MIDDLE,),

@@ -21,6 +21,7 @@ EXAMPLES = {
     "bias_sine": "link: 1-2, amplitude: [0, 0.5, 0], period_sec: 1",
     "bias_pulse": "link: 1-2, bias: [0, 0.5, 0], period_sec: 1, width_sec: 0.1",
     "bias_random": "link: 1-2, spread: [0.1, 0.1, 0.1]",
+    "bias_waveform": "link: 1-2, time_sec: [0, 1, 2], current_a: [0, 0.5, 0]",
     "scaling": "link: 1-2, gain: [1, 1.05, 1]",
     "freeze": "link: 1-2",
     "delay": "link: 1-2, samples: 10",

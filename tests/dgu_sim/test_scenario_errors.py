@@ -158,10 +158,12 @@ def test_missing_file() -> None:
     ("content", "said"),
     [
         (None, "expected a readable CSV file"),
-        ("t,i\n0,1\n", "expected the header time_sec,current_a, found 't,i'"),
-        ("time_sec,current_a\n0,1\n1,x\n", "line 3: expected two numbers, found '1,x'"),
+        ("t,i\n0,1\n", "expected the columns time_sec, current_a in the header"),
+        ("time_sec,time_sec,current_a\n0,0,1\n", "expected one column time_sec, found 2"),
+        ("time_sec,current_a\n0,1\n1,x\n", "line 3: current_a: expected a number, found 'x'"),
+        ("time_sec,current_a\n0,1\n1\n", "line 3: current_a: expected a number, found ''"),
+        ("time_sec,current_a\n0,1\n1,nan\n", "current_a.1 = nan: expected a finite number"),
         ("time_sec,current_a\n0,1\n0,2\n", "time_sec.1 = 0.0: expected a time after 0"),
-        ("time_sec,current_a\n1,1\n", "time_sec.0 = 1.0: expected 0"),
         ("time_sec,current_a\n", "time_sec = []: expected at least 1 entries"),
     ],
 )

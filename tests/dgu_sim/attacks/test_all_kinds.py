@@ -20,6 +20,7 @@ EXAMPLES = {
     "bias_sine": "link: 6-1, amplitude: [0, 0.5, 0], period_sec: 0.3",
     "bias_pulse": "link: 1-2, bias: [0, 0.5, 0], period_sec: 0.3, width_sec: 0.1",
     "bias_random": "links: [4-2, 1-3], spread: [0.1, 0.5, 0.1], distribution: gaussian",
+    "bias_waveform": "link: 6-5, time_sec: [0, 0.2], current_a: [0, 0.5], interpolation: linear, repeat: true",
     "scaling": "link: 4-3, gain: [1, 0.9, 1]",
     "freeze": "link: 2-4",
     "delay": "link: 3-4, samples: 5",

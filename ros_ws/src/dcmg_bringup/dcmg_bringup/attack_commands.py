@@ -16,6 +16,8 @@ from dgu_sim.attacks import KINDS
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+_MOST_SHOWN = 6  # longer lists are tables from files
+
 start_app = typer.Typer(add_completion=False, rich_markup_mode="markdown")
 
 Domain = Annotated[
@@ -99,4 +101,6 @@ def _row(attack: Mapping[str, Any]) -> tuple[str, ...]:
 
 
 def _value(value: object) -> str:
-    return " ".join(map(str, value)) if isinstance(value, list) else str(value)
+    if not isinstance(value, list):
+        return str(value)
+    return " ".join(map(str, value)) if len(value) <= _MOST_SHOWN else f"{len(value)} values"
