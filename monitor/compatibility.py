@@ -167,7 +167,7 @@ def _behaviour(history: History, scaling: Scaling, options: CompatibilityOptions
     output = identify_output_map(data)
     std = None if options.noise_std is None else tuple(scaling.noise(options.noise_std).tolist())
     rank = RankOptions(unknown_inputs=options.unknown_inputs, noise_std=std)
-    decision = decide_rank(data, rank, output.rest(data))
+    decision = decide_rank(data, rank, output.rest(data), output.rest_sizes(data))
     if decision.unknown_inputs is None:
         raise HistoryError(decision.reason)
     exact = decision.basis is RankBasis.EXACT

@@ -64,6 +64,11 @@ class OutputMap:
             return None
         return np.asarray((data.Y_p - self.C @ data.X_p - self.D @ data.U_p)[self.driven])
 
+    def rest_sizes(self, data: DataMatrices) -> NDArray[np.float64]:
+        """(q,) root mean square of the numbers that `rest` is the difference of: its rounding is theirs."""
+        parts = np.abs(self.C) @ np.abs(data.X_p) + np.abs(self.D) @ np.abs(data.U_p) + np.abs(data.Y_p)
+        return np.asarray(np.sqrt(np.mean(parts[self.driven] ** 2, axis=1)))
+
     def words(self) -> list[str]:
         """What the outputs hold besides states, a few words each."""
         said = {

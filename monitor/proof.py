@@ -28,7 +28,8 @@ _PEAKS = 3.0  # rounding to few digits grows with the signal: it is no Gaussian 
 _LOST = 1e4  # the algebra of a design, ill conditioned as the plant is, loses four digits more than the samples
 _USELESS = 0.5  # shares of the spread: an estimate further off is hardly better than the mean of the history
 _WORTHLESS = 1.0  # shares of the spread: an error as large as all that moves is allowed by no noise
-_SIGMAS = 6.0  # Gaussian noise crosses it in two samples of a billion
+_HARDLY = 10.0  # times what is allowed: a doubt that is larger must be told
+SIGMAS = 6.0  # Gaussian noise crosses it in two samples of a billion
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -93,6 +94,9 @@ class Proof:
         residuals: (p,) worst residual of each output, the user's units.
         basis: what allows them.
         holds: nothing is above what is allowed, and there was something to judge.
+        hardly: what a motion of one spread along the direction that the record excites least may leave in the estimate,
+            in shares of the spread; 0 where that is no more than ten times what is allowed. No sample of the same
+            record can show it.
     """
 
     samples: int
@@ -106,6 +110,7 @@ class Proof:
     residuals: NDArray[np.float64]
     basis: str
     holds: bool
+    hardly: float = 0.0
 
     def words(self) -> str:
         """The figures in a few words: "on 40 unseen samples: estimate within 2e-13, residual within 4e-14"."""
@@ -114,7 +119,10 @@ class Proof:
             parts.append(f"{self.estimate} within {self.worst_error:.1g}")
         if self.worst_residual is not None:
             parts.append(f"residual within {self.worst_residual:.1g}")
-        return f"on {self.samples} unseen samples: {', '.join(parts) or 'nothing to judge'}"
+        words = f"on {self.samples} unseen samples: {', '.join(parts) or 'nothing to judge'}"
+        if not self.hardly:
+            return words
+        return f"{words}; borderline: a motion that the record hardly excites may leave {self.hardly:.1g} of the spread"
 
     def lines(self) -> list[str]:
         """The proof as lines of text for a terminal."""
@@ -173,16 +181,31 @@ def stretches(history: History) -> Iterator[Experiment]:
             yield _part(one, int(start), int(stop))
 
 
-def rounding(tolerance: float, gain: float, trials: Sequence[Trial]) -> Allowance:
+def leverage(seen: NDArray[np.float64], unseen: NDArray[np.float64], rank: int) -> float:
+    """How far unseen columns (k, N') go beyond seen ones (k, N), largest |S^+ s|: what a fit is off by grows with it.
+
+    Args:
+        seen: trajectories, a column each.
+        unseen: likewise.
+        rank: directions that the seen ones span but for rounding or noise.
+    """
+    left, values, _ = np.linalg.svd(seen, full_matrices=False)
+    rank = min(rank, int(np.count_nonzero(values)))
+    shares = (left[:, :rank] / values[:rank]).T @ unseen
+    return float(np.max(np.linalg.norm(shares, axis=0), initial=0.0))
+
+
+def rounding(tolerance: float, gain: float, trials: Sequence[Trial], beyond: float = 0.0) -> Allowance:
     """What rounding of the recorded samples allows an exact design: a share of the signals times the gain on them.
 
     Args:
         tolerance: rounding of the samples and of what follows from them, in shares of the spread.
         gain: how much larger than the received signals the observer's answer can be.
         trials: on unseen samples, scaled: larger signals carry larger rounding.
+        beyond: leverage of the unseen samples.
     """
     size = max((trial.size for trial in trials), default=1.0)
-    allowed = min(_EXACT, _LOST * max(tolerance, np.finfo(float).eps * size) * (1.0 + gain))
+    allowed = min(_EXACT, _LOST * max(tolerance, np.finfo(float).eps * size) * (1.0 + gain) * (1.0 + beyond))
     return Allowance(error=float(allowed), residual=float(allowed), basis="rounding")
 
 
@@ -196,20 +219,29 @@ def noise(seen: Sequence[Trial], unknowns: int, exact: Allowance, stated: Allowa
         stated: standard deviations that the stated noise causes.
     """
     error, residual = (np.vstack([getattr(one, name) for one in seen]) for name in ("error", "residual"))
-    widened = _SIGMAS * np.sqrt(len(residual) / max(len(residual) - unknowns, 1))
+    widened = SIGMAS * np.sqrt(len(residual) / max(len(residual) - unknowns, 1))
     levels = [
         np.maximum(widened * np.sqrt(np.mean(table**2, axis=0)), _PEAKS * np.max(np.abs(table), axis=0, initial=0.0))
         for table in (error, residual)
     ]
     basis = "the noise on the samples seen"
     if stated is not None:
-        levels = [np.maximum(levels[0], _SIGMAS * stated.error), np.maximum(levels[1], _SIGMAS * stated.residual)]
+        levels = [np.maximum(levels[0], SIGMAS * stated.error), np.maximum(levels[1], SIGMAS * stated.residual)]
         basis = f"{basis} or {stated.basis}"
     error, residual = (
         np.minimum(np.maximum(level, least), most)
         for level, least, most in zip(levels, (exact.error, exact.residual), (_USELESS, _WORTHLESS), strict=True)
     )
     return Allowance(error=error, residual=residual, basis=basis)
+
+
+def of_their_size(trials: Sequence[Trial]) -> list[Trial]:
+    """Errors and residuals in shares of signals that have died out: rounding is relative, and so is what it leaves."""
+    sizes = [min(1.0, max(one.size, float(np.finfo(float).tiny))) for one in trials]
+    return [
+        replace(one, error=one.error / size, residual=one.residual / size)
+        for one, size in zip(trials, sizes, strict=True)
+    ]
 
 
 def prove(
@@ -219,6 +251,7 @@ def prove(
     *,
     spare_columns: int,
     estimate: str = "estimate",
+    hardly: float = 0.0,
 ) -> Proof:
     """Hold what came out on unseen samples against what is allowed.
 
@@ -228,6 +261,7 @@ def prove(
         scales: of the estimated signals (k,) and of the outputs (p,): user's units in one scaled unit.
         spare_columns: see Proof.
         estimate: what is estimated, a word.
+        hardly: see Proof, whatever is allowed.
     """
     k, p = len(scales[0]), len(scales[1])
     errors = _worst([trial.error for trial in unseen], k)
@@ -248,6 +282,7 @@ def prove(
         residuals=residuals * scales[1],
         basis=allowance.basis,
         holds=bool(samples) and below,
+        hardly=hardly if hardly > _HARDLY * (allowed_error or 0.0) else 0.0,
     )
 
 

@@ -30,6 +30,8 @@ _EXACT_GAP = 1e2  # exact data leave many decades between what is excited and wh
 _KNOWN_GAP = 3.0  # below it the directions of the known unknown inputs are mixed with noise
 _SEARCHED_GAP = 100.0  # a gap that has to be found, not only confirmed: random plants show tenfold gaps by chance
 _ABOVE_NOISE = 1.2  # noise alone moves every direction of the states by 1 +- sqrt(n / N)
+_CLEAR = 12.0  # below it six standard deviations of the fit are half a motion along the weakest direction
+_PEAK = 3.0  # standard deviations: Gaussian noise reaches it within some hundred samples
 _NOISE_SPREAD = 1.5  # singular values of pure noise spread by sqrt(n / N) about 1, wider for noise at two instants
 _OVERSTATED = 0.2  # noise values below this share of the stated level contradict it
 
@@ -56,6 +58,8 @@ class RankDecision:
         excitation: (2m + n,) singular values of [U_p; X_p; U_f] per sample with rows scaled to unit root mean square.
         rounding: size of innovations that double precision alone would cause, in the same shares.
         reason: one line in words.
+        clearness: how far the whole record moves the states along their weakest direction, in standard deviations of
+            its noise; infinite without noise. A fit to the record is wrong by 1 / clearness of a motion along it.
     """
 
     unknown_inputs: int | None
@@ -65,6 +69,7 @@ class RankDecision:
     excitation: NDArray[np.float64]
     rounding: float
     reason: str
+    clearness: float = np.inf
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -83,13 +88,19 @@ class RankOptions:
     relative_tolerance: float | None = None
 
 
-def decide_rank(data: DataMatrices, options: RankOptions, direct: NDArray[np.float64] | None = None) -> RankDecision:
+def decide_rank(
+    data: DataMatrices,
+    options: RankOptions,
+    direct: NDArray[np.float64] | None = None,
+    direct_sizes: NDArray[np.float64] | None = None,
+) -> RankDecision:
     """Decide how many unknown inputs the history shows; in shares of the spread of each signal, whatever their units.
 
     Args:
         data: the history.
         options: what is known beforehand.
         direct: (q, N) what unknown inputs add to outputs directly, Y_p - C X_p - D U_p of the outputs they reach.
+        direct_sizes: (q,) root mean square of the numbers that `direct` is the difference of; None: its own.
 
     Raises:
         HistoryError: states and known inputs do not move independently, whatever the unknown inputs do.
@@ -100,12 +111,16 @@ def decide_rank(data: DataMatrices, options: RankOptions, direct: NDArray[np.flo
     data = replace(data, X_p=data.X_p / spread, X_f=data.X_f / spread)
     tolerance = options.relative_tolerance or _ROUNDING
     driven = data.X_f if direct is None else np.vstack([data.X_f, direct / _spread(direct)])
-    projection = project(np.vstack([data.U_p, data.X_p, data.U_f]), driven, tolerance)
+    sizes = np.sqrt(np.mean(driven**2, axis=1))
+    if direct is not None and direct_sizes is not None:
+        sizes[n:] = direct_sizes / _spread(direct)[:, 0]
+    projection = project(np.vstack([data.U_p, data.X_p, data.U_f]), driven, tolerance, sizes)
     values = projection.values
     seen = int(np.count_nonzero(values > tolerance))
     if seen < len(values):
         certain = options.relative_tolerance is not None
-        verdict = _exact(values, seen, options.unknown_inputs, 0.0 if certain else projection.rounding)
+        levels = np.zeros(len(values)) if certain else projection.levels
+        verdict = _exact(values, seen, options.unknown_inputs, levels)
     elif len(values) > n:
         verdict = _direct(values)
     elif options.unknown_inputs is not None:
@@ -118,12 +133,12 @@ def decide_rank(data: DataMatrices, options: RankOptions, direct: NDArray[np.flo
     else:
         verdict = _gap(values, projection.rounding * digits / float(np.finfo(float).eps))
     unknown_inputs, basis, confidence, reason = verdict
-    if unknown_inputs is not None and basis in {RankBasis.KNOWN, RankBasis.NOISE_LEVEL}:
-        if options.noise_std is None:
-            level = _implied(data, projection.rest, unknown_inputs, spread)
-        else:
+    clearness = np.inf
+    if unknown_inputs is not None and basis is not RankBasis.EXACT:
+        level = _implied(data, projection.rest, unknown_inputs, spread)
+        if options.noise_std is not None:
             level = np.broadcast_to(np.asarray(options.noise_std, dtype=float), (n,)) / spread[:, 0]
-        buried = _buried(data, level)
+        clearness, buried = _above_noise(data, level)
         unknown_inputs, reason = (None, buried) if buried else (unknown_inputs, reason)
     spare = data.columns - len(projection.excitation) - (unknown_inputs or 0)
     if unknown_inputs is not None and spare < (needed := _SPARE if basis is RankBasis.EXACT else _SPARE_NOISY):
@@ -136,6 +151,7 @@ def decide_rank(data: DataMatrices, options: RankOptions, direct: NDArray[np.flo
         excitation=projection.excitation,
         rounding=projection.rounding,
         reason=reason,
+        clearness=clearness,
     )
 
 
@@ -147,24 +163,38 @@ class Projection:
         rest: (n, N) the innovations.
         values: (n,) their singular values per sample, largest first.
         excitation: (k,) singular values per sample of the regressors, rows scaled to unit root mean square.
-        rounding: size that double precision alone gives to innovations that should be zero.
+        rounding: size that double precision alone gives to innovations that should be zero, at most.
+        levels: (n,) size that it gives to each of the values where it is no more than their sum of squares.
     """
 
     rest: NDArray[np.float64]
     values: NDArray[np.float64]
     excitation: NDArray[np.float64]
     rounding: float
+    levels: NDArray[np.float64]
 
 
-def project(regressors: NDArray[np.float64], target: NDArray[np.float64], tolerance: float) -> Projection:
+def project(
+    regressors: NDArray[np.float64],
+    target: NDArray[np.float64],
+    tolerance: float,
+    sizes: NDArray[np.float64] | None = None,
+) -> Projection:
     """Project the regressors (k, N) out of the target (n, N); both keep their rounding, not that of the condition.
+
+    Args:
+        regressors: (k, N).
+        target: (n, N).
+        tolerance: relative: below it regressors follow from one another.
+        sizes: (n,) root mean square of the numbers whose rounding the target carries; None: its own.
 
     Raises:
         HistoryError: the regressors follow from one another.
     """
     count, columns = regressors.shape
-    sizes = np.max(np.abs(regressors), axis=1, keepdims=True)
-    balanced = regressors / np.where(sizes > 0.0, sizes, 1.0)
+    sizes = np.sqrt(np.mean(target**2, axis=1)) if sizes is None else sizes
+    largest = np.max(np.abs(regressors), axis=1, keepdims=True)
+    balanced = regressors / np.where(largest > 0.0, largest, 1.0)
     moved = np.sqrt(np.mean(balanced**2, axis=1, keepdims=True))
     balanced = balanced / np.where(moved > 0.0, moved, 1.0)
     excitation = np.linalg.svd(balanced, compute_uv=False)
@@ -182,14 +212,23 @@ def project(regressors: NDArray[np.float64], target: NDArray[np.float64], tolera
     gains = np.linalg.solve(triangle, along.T).T  # target = gains @ balanced + rest
     largest = np.abs(gains) @ np.max(np.abs(balanced), axis=1) + np.max(np.abs(target), axis=1)
     rounding = float(np.finfo(float).eps * np.linalg.norm(largest))
-    values = singular_values(rest)
-    return Projection(rest=rest, values=values, excitation=excitation / np.sqrt(columns), rounding=rounding)
+    left, found, _ = np.linalg.svd(rest, full_matrices=False)
+    values = _padded(found / np.sqrt(columns), len(rest))
+    # samples are rounded independently: (1, gains) along each direction adds up in squares
+    carried = left.T @ np.hstack([np.diag(sizes), gains])
+    levels = _padded(np.finfo(float).eps * np.linalg.norm(carried, axis=1), len(rest))
+    return Projection(
+        rest=rest, values=values, excitation=excitation / np.sqrt(columns), rounding=rounding, levels=levels
+    )
 
 
 def singular_values(rows: NDArray[np.float64]) -> NDArray[np.float64]:
     """(n,) singular values per sample of rows (n, N); zeros where there are fewer columns than rows."""
-    values = np.linalg.svd(rows, compute_uv=False) / np.sqrt(rows.shape[1])
-    return np.pad(values, (0, len(rows) - len(values)))
+    return _padded(np.linalg.svd(rows, compute_uv=False) / np.sqrt(rows.shape[1]), len(rows))
+
+
+def _padded(values: NDArray[np.float64], count: int) -> NDArray[np.float64]:
+    return np.pad(values, (0, count - len(values)))
 
 
 def _implied(
@@ -197,30 +236,35 @@ def _implied(
 ) -> NDArray[np.float64]:
     """(n,) noise, equal in the units at hand, that explains q' (w_t+1 - A w_t), q a direction of mere noise.
 
-    Data, innovations and answer are in shares of the spread (n, 1).
+    Data, innovations and answer are in shares of the spread (n, 1). Rounding that shrinks with a signal that dies out
+    is largest where the signal is, so that a third of the peak counts where it is more than the mean.
     """
     n = len(data.X_p)
     if unknown_inputs >= n:
         return np.zeros(n)
-    left, values, _ = np.linalg.svd(innovations * spread, full_matrices=False)
+    left = np.linalg.svd(innovations * spread, full_matrices=False)[0]
     A = np.linalg.lstsq(np.vstack([data.X_p, data.U_p, data.U_f]).T, data.X_f.T, rcond=None)[0].T[:, :n]
     direction = left[:, unknown_inputs]
     amplified = np.sqrt(1.0 + float(np.sum((direction @ (spread * A / spread[:, 0])) ** 2)))
-    return np.asarray(float(values[unknown_inputs]) / np.sqrt(data.columns) / amplified / spread[:, 0])
+    noise = direction @ (innovations * spread)
+    level = max(float(np.sqrt(np.mean(noise**2))), float(np.max(np.abs(noise))) / _PEAK)
+    return np.asarray(level / amplified / spread[:, 0])
 
 
-def _buried(data: DataMatrices, level: NDArray[np.float64]) -> str:
-    """Why some direction of the states is not seen moving above noise of this level (n,); empty when all are."""
+def _above_noise(data: DataMatrices, level: NDArray[np.float64]) -> tuple[float, str]:
+    """How clearly all directions of the states move above noise of this level (n,), and why it is not enough."""
     if not np.all(level > 0.0):
-        return ""
+        return np.inf, ""
     inputs = np.linalg.qr(np.vstack([data.U_p, data.U_f]).T)[0]
     moved = data.X_p / level[:, None]
     weakest = float(singular_values(moved - (moved @ inputs) @ inputs.T)[-1])
-    if weakest >= _ABOVE_NOISE:
-        return ""
-    return (
-        f"not exciting, borderline: some direction of the states moves by only {weakest:.2g} times the noise, expected "
-        f"{_ABOVE_NOISE:g}: start from several random states, vary the inputs more, or record with less noise"
+    clearness = float(np.sqrt(data.columns * max(weakest**2 - 1.0, 0.0)))
+    if weakest >= _ABOVE_NOISE and clearness >= _CLEAR:
+        return clearness, ""
+    return clearness, (
+        f"not exciting, borderline: the whole record moves some direction of the states by only {clearness:.2g} times "
+        f"the noise, expected {_CLEAR:g}: start from several random states, vary the inputs more, record longer or "
+        "with less noise"
     )
 
 
@@ -242,16 +286,21 @@ def _too_few(columns: int, spare: int, needed: int) -> str:
 _Verdict = tuple[int | None, RankBasis, float, str]
 
 
-def _exact(values: NDArray[np.float64], seen: int, known: int | None, rounding: float) -> _Verdict:
-    """Data without noise: the rank is what stands above rounding; rounding 0 when the tolerance is taken as given."""
+def _exact(values: NDArray[np.float64], seen: int, known: int | None, levels: NDArray[np.float64]) -> _Verdict:
+    """Data without noise: the rank is what stands above rounding; levels 0 when the tolerance is taken as given."""
     gap = np.inf if seen == 0 or values[seen] == 0.0 else values[seen - 1] / values[seen]
-    hidden = int(np.count_nonzero(values > _ROUNDED * rounding)) if rounding else seen
+    above = np.flatnonzero(values > _ROUNDED * levels) if np.any(levels) else np.arange(seen)
+    hidden = max(seen, int(above[-1]) + 1 if len(above) else 0)
     if known is not None and known != seen and not (seen < known <= hidden):
         fix = "vary all of them" if known > seen else "give the right number"
         reason = f"unknown_inputs is {known}, but exact data show {seen}: not exciting, or another number; {fix}"
         return None, RankBasis.EXACT, 1.0, reason
     if known is not None and known > seen:
-        gap, seen, hidden = values[known - 1] / max(values[known], rounding) if known < len(values) else 0.0, known, 0
+        gap, seen, hidden = (
+            values[known - 1] / max(values[known], levels[known]) if known < len(values) else 0.0,
+            known,
+            0,
+        )
     if gap < _EXACT_GAP:
         return (
             None,
@@ -269,7 +318,7 @@ def _exact(values: NDArray[np.float64], seen: int, known: int | None, rounding: 
             0.0,
             (
                 f"ambiguous rank, borderline: a singular value of {values[seen]:.2g} of the spread lies above the "
-                f"rounding of double precision ({rounding:.1g}): an unknown input that is hardly excited, or samples "
+                f"rounding of double precision ({levels[seen]:.1g}): an unknown input that is hardly excited, or samples "
                 "with fewer digits; give unknown_inputs or relative_tolerance, or excite more"
             ),
         )

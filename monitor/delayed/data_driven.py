@@ -25,7 +25,7 @@ from monitor.delayed.units import in_units
 from monitor.errors import HistoryError, MonitorError
 from monitor.history import data_matrices
 from monitor.options import STRICT, parse_options
-from monitor.proof import hold_back
+from monitor.proof import SIGMAS, hold_back
 from monitor.rank import RankBasis, RankOptions, decide_rank
 from monitor.scaling import norms, spreads
 from monitor.subspace import Method, span
@@ -56,7 +56,8 @@ class HistoryOptions(DelayedOptions):
     Attributes:
         unknown_inputs: m_d, when it is known.
         noise_std: standard deviation of the noise on the recorded x, when it is known.
-        relative_tolerance: what counts as rounding in exact data.
+        relative_tolerance: what counts as rounding in exact data; None: 1e-10, and the rank is called ambiguous where
+            something lies between that and double precision.
         method: how the behaviour is found in noisy data, for exact gains (docs/noise.md).
         attacked: positions in y of outputs that may be falsified; the attack then is part of the unknown input.
         attack_bound: size [units of y] of an attack that counts as |w| = 1.
@@ -64,7 +65,7 @@ class HistoryOptions(DelayedOptions):
 
     unknown_inputs: int | None = Field(default=None, ge=0)
     noise_std: tuple[float, ...] | float | None = None
-    relative_tolerance: float = Field(default=1e-10, gt=0.0, lt=1.0)
+    relative_tolerance: float | None = Field(default=None, gt=0.0, lt=1.0)
     method: Method = Method.STRUCTURED
     attacked: tuple[int, ...] = ()
     attack_bound: float = Field(default=1.0, gt=0.0)
@@ -160,7 +161,8 @@ def _look(history: History, chosen: HistoryOptions) -> _Found:
             exact=decision.basis is RankBasis.EXACT,
             unknowns=report.rank or 0,
             spare_columns=data.columns - (report.rank or 0),
-            tolerance=chosen.relative_tolerance,
+            tolerance=max(decision.rounding, chosen.relative_tolerance or 0.0),
+            hardly=SIGMAS / decision.clearness,
         ),
         sampling_period_sec=history.sampling_period_sec,
     )

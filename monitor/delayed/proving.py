@@ -45,6 +45,7 @@ class Claim:
         unknowns: directions that its columns span.
         spare_columns: columns beyond those.
         tolerance: relative rounding of the samples.
+        hardly: see `Proof`.
     """
 
     split: Split
@@ -53,6 +54,7 @@ class Claim:
     unknowns: int
     spare_columns: int
     tolerance: float
+    hardly: float = 0.0
 
     def allowed(self, seen: Sequence[Trial], unseen: Sequence[Trial], gain: float) -> Allowance:
         """What rounding or the noise of the history allows."""
@@ -75,7 +77,7 @@ def prove_delayed(made: DelayedDesign, claim: Claim) -> Proof:
         seen = [] if claim.exact else _tried(made, split.seen, spread)
         allowed = claim.allowed(seen, unseen, gain)
         allowed = replace(allowed, error=np.minimum(allowed.error, _WORTHLESS))
-        return prove(unseen, allowed, scales, spare_columns=claim.spare_columns)
+        return prove(unseen, allowed, scales, spare_columns=claim.spare_columns, hardly=claim.hardly)
     predicted, new = (_predicted(made, one, spread) for one in (split.seen, split.unseen))
     believed = claim.allowed(predicted, new, 1.0)
     model = prove(new, believed, (spread.x, np.zeros(0)), spare_columns=claim.spare_columns, estimate="prediction")

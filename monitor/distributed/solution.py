@@ -16,8 +16,7 @@ if TYPE_CHECKING:
 
 _SPARE = 2  # columns beyond those that anything fits
 _EXACT = 1e-9  # relative: exact data leave rounding below it
-_CLEAR = 10.0  # noisy data must show the number of unknown inputs by a gap this large
-_ALONE = 100.0  # or this large where what lies below it does not look like noise
+_CLEAR = 100.0  # noisy data must show the number of unknown inputs by a gap this large
 _ALIKE = 3.0  # two or more values of noise lie within this factor
 _NOISE_SAFETY = 3.0  # times what noise may have moved
 _TILTED = 0.1  # relative: more than this is seen, whatever the noise
@@ -79,7 +78,10 @@ def solve_node(data: Regressors, unknown_inputs: int | None, *, exact: bool = Fa
     if r is None:
         listed = ", ".join(f"{value:.2g}" for value in values[: n + 1])
         expected = "a clear gap" if unknown_inputs is None else f"{unknown_inputs} unknown inputs"
-        return f"the number of unknown inputs is not clear: singular values {listed}, expected {expected}"
+        return (
+            f"the number of unknown inputs is not clear: singular values {listed}, expected {expected}; "
+            "borderline: excite more, or give unknown_inputs"
+        )
     in_outputs = directions[n:, :r]
     seen = np.linalg.svd(in_outputs, compute_uv=False) if r else np.ones(1)
     shown = int(np.count_nonzero(seen > max(_EXACT, noise)))
@@ -155,8 +157,8 @@ def _count(
     gaps = [float(values[one - 1] / max(values[one], _EXACT * scale)) for one in possible]
     best = int(np.argmax(gaps))
     below = values[possible[best] : n]
-    clear = _CLEAR if len(below) > 1 and below[0] <= _ALIKE * below[-1] else _ALONE
-    if gaps[best] < (clear if known is None else _KNOWN):
+    alike = len(below) > 1 and below[0] <= _ALIKE * below[-1]  # one value alone may be a weak unknown input as well
+    if gaps[best] < _KNOWN or (known is None and not (alike and gaps[best] >= _CLEAR)):
         return None, 1.0
     return possible[best], 1.0 / gaps[best]
 

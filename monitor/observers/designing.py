@@ -18,7 +18,7 @@ from monitor.history import data_matrices
 from monitor.observer import Design
 from monitor.options import STRICT
 from monitor.output_map import Misfit, identify_output_map
-from monitor.proof import Allowance, hold_back, noise, prove, rounding
+from monitor.proof import SIGMAS, Allowance, hold_back, leverage, noise, of_their_size, prove, rounding, stretches
 from monitor.rank import RankBasis, RankOptions, decide_rank
 from monitor.scaling import norms, spreads
 from monitor.sight import measure_dynamics, measure_residual, noise_covariance
@@ -109,7 +109,8 @@ def design_uio(history: History, options: DesignOptions, shape: Shape) -> Design
         into = units.spread.relative_to(units.norm)
         comparable = data.in_units(into.u, into.y, into.x)
         output = identify_output_map(comparable)
-        decision = decide_rank(comparable, _rank_options(options, units), output.rest(comparable))
+        rest, sizes = output.rest(comparable), output.rest_sizes(comparable)
+        decision = decide_rank(comparable, _rank_options(options, units), rest, sizes)
         draft = replace(draft, data=report_data(history, data, decision, output))
         if decision.unknown_inputs is None:
             return _refuse(draft, decision.reason)
@@ -141,6 +142,7 @@ def design_uio(history: History, options: DesignOptions, shape: Shape) -> Design
         split=split,
         exact=exact and Misfit.NOISE not in output.kinds,
         rounding=decision.rounding,
+        hardly=max(_tilt(decision), SIGMAS / decision.clearness),
         notes=notes,
     )
     return _checked(draft, options, solution)
@@ -168,6 +170,7 @@ class _Solution:
     split: Split
     exact: bool
     rounding: float
+    hardly: float
     notes: str
 
 
@@ -243,7 +246,8 @@ def _proved(solution: _Solution, options: DesignOptions, data: DataReport) -> Pr
     n, p, rank = observer.states, observer.outputs, data.rank or 0
     answers = float(np.sqrt(np.max(np.diag(noise_covariance(observer, np.eye(p))), initial=0.0)))
     gain = answers + float(np.linalg.norm(solution.W))
-    allowed = rounding(max(solution.rounding, options.relative_tolerance or 0.0), gain, unseen)
+    beyond = leverage(*(_trajectories(units.spread.scaled(one)) for one in (split.seen, split.unseen)), rank)
+    allowed = rounding(max(solution.rounding, options.relative_tolerance or 0.0), gain, unseen, beyond)
     if not solution.exact:
         seen = try_observer(observer, units.spread.scaled(split.seen), split.overlap)
         stated = None
@@ -254,7 +258,14 @@ def _proved(solution: _Solution, options: DesignOptions, data: DataReport) -> Pr
             stated = Allowance(error=np.sqrt(levels[:n]) + std, residual=np.sqrt(levels[n:]), basis="that stated")
         allowed = noise(seen, rank, allowed, stated)
     scales = (units.spread.x, units.spread.y)
-    return prove(unseen, allowed, scales, spare_columns=data.columns - rank)
+    unseen = of_their_size(unseen) if solution.exact else unseen
+    return prove(unseen, allowed, scales, spare_columns=data.columns - rank, hardly=solution.hardly)
+
+
+def _trajectories(history: History) -> NDArray[np.float64]:
+    """[u_t; x_t; u_t+1; x_t+1] of all pairs of consecutive samples without a gap; y follows from them."""
+    pairs = [np.hstack([one.u[:-1], one.x[:-1], one.u[1:], one.x[1:]]) for one in stretches(history)]
+    return np.vstack(pairs).T
 
 
 def _refuse(draft: Certificate, reason: str) -> Design:
@@ -291,8 +302,7 @@ def _subspace_error(decision: RankDecision, output_error: float) -> float:
         HistoryError: rounding alone may tilt it anywhere.
     """
     m_d, values = decision.unknown_inputs or 0, decision.innovation_values
-    weakest = float(values[m_d - 1]) if m_d else 1.0
-    rounding = _LOST * decision.rounding / min(1.0, max(weakest, np.finfo(float).tiny), float(decision.excitation[-1]))
+    weakest, rounding = _weakest(decision), _tilt(decision)
     if rounding > _TILTED:
         raise HistoryError(
             f"borderline: the weakest unknown input moves the states by {weakest:.1g} of their spread, the weakest "
@@ -302,6 +312,17 @@ def _subspace_error(decision: RankDecision, output_error: float) -> float:
     exact = decision.basis is RankBasis.EXACT or m_d >= len(values)
     noise = 0.0 if exact else float(values[m_d] / (weakest if m_d else values[0] + 1.0))
     return max(_ROUNDING, rounding, min(_NOISE_SAFETY * max(noise, output_error), _TILTED))
+
+
+def _weakest(decision: RankDecision) -> float:
+    m_d = decision.unknown_inputs or 0
+    return float(decision.innovation_values[m_d - 1]) if m_d else 1.0
+
+
+def _tilt(decision: RankDecision) -> float:
+    """How far rounding alone may tilt the subspace that the record spans."""
+    least = min(1.0, max(_weakest(decision), np.finfo(float).tiny), float(decision.excitation[-1]))
+    return _LOST * decision.rounding / least
 
 
 def _kernel_residual(data: DataMatrices, selection: NDArray[np.float64], W: NDArray[np.float64]) -> float:

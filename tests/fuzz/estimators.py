@@ -15,6 +15,7 @@ from tests.fuzz.observers import LARGE, generator_of, unless_like_noise
 from tests.fuzz.oracle import Answer, Truth, evidence, observer_truth
 from tests.fuzz.plants import Limits, Plant, draw_plant
 from tests.fuzz.recordings import Needs, Recording, draw_recording
+from tests.fuzz.stated import stated_figure
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
@@ -58,7 +59,8 @@ def try_estimator(kind: str, seed: int) -> Result:
     else:
         exact = recording.quality not in {"noise", "single"}
         like, full = (fresh_misfit(plant, recording, made, delay, generator, full=full) for full in (False, True))
-        outcome, detail = acceptance(truth, made.verdict, like, full, exact=exact)
+        stated = stated_figure(made.numbers)
+        outcome, detail = acceptance(truth, made.verdict, like, full, exact=exact, stated=stated)
     words = f"n={n} m_d={m_d} p={p} {'G' if np.any(plant.G) else ''} {recording.in_words} {options}"
     return Result(kind=kind, seed=seed, outcome=outcome, detail=f"{words}: {detail}")
 

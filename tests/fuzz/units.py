@@ -57,10 +57,9 @@ def twin_of(generator: np.random.Generator, recording: Recording) -> Twin:
 
 def apart(one: tuple[Floats, Floats], two: tuple[Floats, Floats], twin: Twin) -> float:
     """Largest difference of estimates and residuals (natural units) of both, relative to the largest of them."""
-    worst = 0.0
-    for mine, theirs in ((one[0], two[0]), (one[1][:, twin.order], two[1])):
-        size = max(float(np.max(np.abs(mine), initial=0.0)), 1.0)
-        worst = max(worst, float(np.max(np.abs(mine - theirs), initial=0.0)) / size)
+    size = max(float(np.max(np.abs(mine), initial=1.0)) for mine in one)
+    pairs = ((one[0], two[0]), (one[1][:, twin.order], two[1]))
+    worst = max(float(np.max(np.abs(mine - theirs), initial=0.0)) for mine, theirs in pairs) / size
     return worst if np.isfinite(worst) else np.inf
 
 

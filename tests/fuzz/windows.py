@@ -15,6 +15,7 @@ from tests.fuzz.observers import generator_of, is_blind
 from tests.fuzz.oracle import Answer, Evidence, Truth, judged_margin
 from tests.fuzz.plants import Limits, Plant, draw_plant
 from tests.fuzz.recordings import Needs, Recording, complete, draw_recording
+from tests.fuzz.stated import stated_error, stated_figure
 from tests.fuzz.zeros import zero_margins
 
 if TYPE_CHECKING:
@@ -153,7 +154,8 @@ def judge_windows(
         return (Outcome.STRATEGY if hard and any(word in made.verdict for word in _STRATEGY) else outcome), detail
     exact = recording.quality not in {"noise", "single"}
     like, full = (_misfit(plant, recording, made, memory, generator, full=full) for full in (False, True))
-    outcome, detail = acceptance(truth, made.verdict, like, full, exact=exact)
+    stated = stated_error(made.certificate) if isinstance(made, observers.Design) else stated_figure(made.numbers)
+    outcome, detail = acceptance(truth, made.verdict, like, full, exact=exact, stated=stated)
     if outcome is Outcome.WRONG and truth.answer in {Answer.UNTOLD, Answer.OPEN} and "spare columns" in truth.why:
         hidden = truth.doubt >= 1e-3 and not re.search(r"-\d+ spare", truth.why)
         outcome = Outcome.OPEN if hidden else outcome  # without states nobody knows of a mode that never moved

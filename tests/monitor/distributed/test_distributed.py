@@ -181,8 +181,8 @@ def test_short_and_idle_data_are_refused() -> None:
 
 
 def test_noise_is_never_taken_for_unknown_inputs() -> None:
-    """With noise 0.01 the right number comes from the gap; with 0.3 nothing is clear and the design is refused."""
-    made = design(spring_data(np.random.default_rng(1), 0.01), ring(5), {})
+    """With noise 0.001 the right number comes from the gap; with 0.3 nothing is clear and the design is refused."""
+    made = design(spring_data(np.random.default_rng(1), 0.001), ring(5), {})
     assert made.report.unknown_inputs == (1, 2, 1, 2, 2), made.verdict
     refused = design(spring_data(np.random.default_rng(1), 0.3), ring(5), {})
     assert "not clear" in refused.verdict
