@@ -218,6 +218,8 @@ def noise(seen: Sequence[Trial], unknowns: int, exact: Allowance, stated: Allowa
         exact: what rounding allows anyway.
         stated: standard deviations that the stated noise causes.
     """
+    if not seen:
+        return exact
     error, residual = (np.vstack([getattr(one, name) for one in seen]) for name in ("error", "residual"))
     widened = SIGMAS * np.sqrt(len(residual) / max(len(residual) - unknowns, 1))
     levels = [

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
 
 _ROUNDING = 1e-10  # shares of the spread: what counts as rounding in exact data
 _ROUNDED = 1e2  # innovations that should be zero are smaller than this many times what rounding is expected to leave
+_NOTHING = 1e-15  # relative: what moves less moves by rounding alone
 _SPARE = 2  # columns beyond the directions that exact data seem to show, at least
 _SPARE_NOISY = 4  # the same where noise has to be told from signal
 _EXACT_GAP = 1e2  # exact data leave many decades between what is excited and what is rounding
@@ -200,10 +201,11 @@ def project(
     excitation = np.linalg.svd(balanced, compute_uv=False)
     rank = int(np.count_nonzero(excitation > tolerance * excitation[0]))
     if rank < count:
+        weakest = float(excitation[min(rank, len(excitation) - 1)] / excitation[0])
+        close = ", borderline" if weakest > _NOTHING else ""
         raise HistoryError(
-            f"the history is not exciting: [U_p; X_p; U_f] has rank {rank}, expected {count} (the next singular value "
-            f"is {excitation[min(rank, len(excitation) - 1)] / excitation[0]:.2g} of the largest): "
-            "start from several random states or vary the inputs more"
+            f"the history is not exciting{close}: [U_p; X_p; U_f] has rank {rank}, expected {count} (the next singular "
+            f"value is {weakest:.2g} of the largest): start from several random states or vary the inputs more"
         )
     directions, triangle = np.linalg.qr(balanced.T)
     along = target @ directions
@@ -318,8 +320,8 @@ def _exact(values: NDArray[np.float64], seen: int, known: int | None, levels: ND
             0.0,
             (
                 f"ambiguous rank, borderline: a singular value of {values[seen]:.2g} of the spread lies above the "
-                f"rounding of double precision ({levels[seen]:.1g}): an unknown input that is hardly excited, or samples "
-                "with fewer digits; give unknown_inputs or relative_tolerance, or excite more"
+                f"rounding of double precision ({levels[seen]:.1g}): an unknown input that is hardly excited, or "
+                "samples with fewer digits; give unknown_inputs or relative_tolerance, or excite more"
             ),
         )
     return seen, RankBasis.EXACT, 1.0, f"exact data show {seen} unknown inputs"

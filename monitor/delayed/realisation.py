@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 
     from monitor.delayed.model import Model, Window
 
+_RANK = 1e-9  # relative: sensors that show the same differ by rounding only
+
 
 def realise(model: Model, window: Window, L: NDArray[np.float64], R: NDArray[np.float64]) -> LinearObserver:
     """Put C (3), xhat_k+1 = Q xhat_k + L (Y - Gamma_u U) + B_u u_k, into s_t+1 = A s_t + B v_t with k = t - delta.
@@ -81,5 +83,5 @@ def _per_sample(gain: NDArray[np.float64], window: Window) -> NDArray[np.float64
 
 def _start(model: Model, delay: int) -> NDArray[np.float64]:
     """First state from the first sample: the pseudo-inverse guess, and the memory filled with that sample."""
-    guess = np.linalg.pinv(model.C) @ np.hstack([-model.D_u, np.eye(len(model.C))])
+    guess = np.linalg.pinv(model.C, rcond=_RANK) @ np.hstack([-model.D_u, np.eye(len(model.C))])
     return np.vstack([guess, *([np.eye(guess.shape[1])] * delay)])

@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
     from monitor.distributed.gains import NodeGains
 
+_RANK = 1e-9  # relative: sensors that show the same differ by rounding only
+
 
 class NodeOutput(NamedTuple):
     """What a node knows at one step and sends to its neighbours.
@@ -73,7 +75,7 @@ class NodeObserver:
     @classmethod
     def of(cls, gains: NodeGains, neighbours: tuple[int, ...], weights: tuple[float, ...]) -> NodeObserver:
         """Return the node with these gains, its start included."""
-        correction = np.asarray(np.linalg.pinv(gains.C), dtype=np.float64)
+        correction = np.asarray(np.linalg.pinv(gains.C, rcond=_RANK), dtype=np.float64)
         mean = (np.eye(len(gains.H)) - correction @ gains.C) @ gains.start
         begin = np.hstack([correction - gains.H, mean[:, None]])
         return cls(gains=gains, neighbours=neighbours, weights=weights, correction=correction, begin=begin)

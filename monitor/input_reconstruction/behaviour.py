@@ -17,6 +17,7 @@ if TYPE_CHECKING:
 
 _KNOWN_GAP = 3.0  # a gap at a place that is known only has to be confirmed
 _SEARCHED_GAP = 10.0  # a gap that has to be found must stand out clearly
+_ROUNDED = 1e2  # times what double precision leaves: a direction that shows more is no rounding
 _EXACT = 1e-9  # relative: below it exact data carry rounding only
 
 
@@ -40,6 +41,7 @@ class Behaviour:
         basis: what the rank rests on.
         order: order of the plant as the past windows show it, None when the rank is not decided.
         noise: singular value of the first direction dropped, relative to the last one kept; 0 for exact data.
+        hidden: the same relative to the largest, of exact data, where it is more than double precision leaves; else 0.
     """
 
     H: NDArray[np.float64]
@@ -48,6 +50,7 @@ class Behaviour:
     basis: RankBasis
     order: int | None
     noise: float
+    hidden: float = 0.0
 
     @property
     def decided(self) -> bool:
@@ -89,7 +92,14 @@ def truncate(windows: Windows, order: int | None, tolerance: float) -> Behaviour
         basis=rests_on,
         order=found,
         noise=noise,
+        hidden=max(_hidden(past_values, past_rank), _hidden(values, rank)) if rests_on is RankBasis.EXACT else 0.0,
     )
+
+
+def _hidden(values: NDArray[np.float64], rank: int) -> float:
+    """First dropped value relative to the largest; 0 where rounding explains it."""
+    share = float(values[rank] / values[0]) if rank < len(values) else 0.0
+    return share if share > _ROUNDED * np.finfo(float).eps else 0.0
 
 
 def untruncated(windows: Windows) -> Behaviour:

@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 OPEN_LOOP = "op_uie"
 CLOSED_LOOP = "cl_uie"
 _SCHUR = 1.0 - 1e-9
+_TOLERANCE = 1e-10
 _CIRCLE = 1e-6  # zeros this close to the unit circle are borderline
 
 
@@ -60,7 +61,8 @@ class InputOptions:
         order: order of the plant, if it is known; needed for noisy records without a clear gap.
         fit: `truncated` keeps the trajectories above the noise (total least squares; falls back to the other without a
             gap); `least_squares` is the paper's plain pseudo-inverse of noisy data, which shows neither (8) nor zeros.
-        relative_tolerance: what counts as rounding in exact data.
+        relative_tolerance: what counts as rounding in exact data; None: 1e-10, and the order is called ambiguous where
+            something lies between that and double precision.
         poles: op-UIE only.
         output_weight: cl-UIE only: R = output_weight I in the dual LQR with Q = I; larger trusts the outputs less.
         threshold: the residual threshold that the certificate's smallest bias refers to.
@@ -69,11 +71,16 @@ class InputOptions:
     past: int | None = Field(default=None, ge=2)
     future: int | None = Field(default=None, ge=1)
     order: int | None = Field(default=None, ge=1)
-    relative_tolerance: float = Field(default=1e-10, gt=0.0, lt=1.0)
+    relative_tolerance: float | None = Field(default=None, gt=0.0, lt=1.0)
     fit: Fit = Fit.TRUNCATED
     poles: Poles = Poles.MINIMUM_NORM
     output_weight: float = Field(default=1.0, gt=0.0)
     threshold: float = Field(default=1e-3, gt=0.0)
+
+    @property
+    def tolerance(self) -> float:
+        """What counts as rounding."""
+        return self.relative_tolerance or _TOLERANCE
 
     @property
     def sizes(self) -> Sizes:
@@ -82,7 +89,7 @@ class InputOptions:
             past=self.past,
             future=self.future,
             order=self.order,
-            tolerance=self.relative_tolerance,
+            tolerance=self.tolerance,
             truncated=self.fit is Fit.TRUNCATED,
         )
 
@@ -132,6 +139,8 @@ def _design(kind: str, history: History, chosen: InputOptions) -> InputDesign:
     except HistoryError as error:
         return _refused(kind, InputReport(past=chosen.past or 0, delay=0, columns=0, dropped=0), str(error))
     report = _report(windows, behaviour)
+    if behaviour.hidden and chosen.relative_tolerance is None and chosen.order is None:
+        return _refused(kind, report, _ambiguous(behaviour))
     if invisible(behaviour):
         return _refused(kind, report, _unseen(report, behaviour, larger_future(scaled, chosen.sizes, windows)))
     if report.zeros is not None and (reason := _unstable(report.zeros, behaviour)):
@@ -164,14 +173,22 @@ def _report(windows: Windows, behaviour: Behaviour) -> InputReport:
     return report if invisible(behaviour) else replace(report, zeros=invariant_zeros(behaviour, windows.past))
 
 
-def _unseen(report: InputReport, behaviour: Behaviour, future: int | None) -> str:
+def _ambiguous(behaviour: Behaviour) -> str:
+    return (
+        f"ambiguous order, borderline: the record shows order {behaviour.order}, and a direction of "
+        f"{behaviour.hidden:.2g} of the largest lies above the rounding of double precision: a mode or an input that "
+        "is hardly excited, or samples with fewer digits; give order or relative_tolerance, or excite more"
+    )
+
+
+def _unseen(report: InputReport, behaviour: Behaviour, future: int | str) -> str:
     """Condition (8) fails, as far as the record tells, and what would mend it."""
     if behaviour.noise:
         return (
             f"condition (8) of I cannot be told from noise: the input at t shows as {report.visibility:.1g} in the "
             f"outputs up to t + {report.delay}, noise as {behaviour.noise:.1g}; record longer, or try least_squares"
         )
-    mend = "no larger future shows it: more outputs are needed" if future is None else f"future {future} shows it"
+    mend = future if isinstance(future, str) else f"future {future} shows it"
     return (
         "condition (8) of I fails, U_f ker H is not 0: the input at t does not show in the outputs up to "
         f"t + {report.delay} (visibility {report.visibility:.1g}); {mend}"
@@ -192,7 +209,7 @@ def _unstable(zeros: NDArray[np.complex128], behaviour: Behaviour) -> str | None
 def _solve(kind: str, record: _Record, report: InputReport, options: InputOptions) -> InputDesign:
     """Choose the gains once condition (8) and the zeros are checked."""
     windows, behaviour = record.windows, record.behaviour
-    found: Gains | None = least_norm(behaviour, windows, options.relative_tolerance)
+    found: Gains | None = least_norm(behaviour, windows, options.tolerance)
     assert found is not None  # noqa: S101 - a pseudo-inverse always is
     if kind == CLOSED_LOOP:
         found = corrected(found, options.output_weight)
@@ -201,7 +218,7 @@ def _solve(kind: str, record: _Record, report: InputReport, options: InputOption
             return _refused(kind, report, reason)
     elif options.poles is Poles.LMI:
         fastest = 0.0 if report.zeros is None else float(np.max(np.abs(report.zeros), initial=0.0))
-        found = placed(found, behaviour, windows, options.relative_tolerance, fastest)
+        found = placed(found, behaviour, windows, options.tolerance, fastest)
         if found is None:
             return _refused(kind, report, "the LMI of I, (16) finds no stable op-UIE: use cl_uie")
     misfit = windows.u_now - np.hstack([found.U1, found.Y1]) @ windows.H
@@ -226,7 +243,7 @@ def _finish(kind: str, gains: Gains, record: _Record, report: InputReport, optio
         gains,
         hold_back(record.history, gains.past + gains.future - 1),
         spread,
-        Claim(exact=exact, unknowns=unknowns, spare_columns=spare, tolerance=options.relative_tolerance),
+        Claim(exact=exact, unknowns=unknowns, spare_columns=spare, tolerance=options.tolerance),
     )
     residual = measure_residual(realise(gains), np.full(observer.outputs, options.threshold), norm.y)
     report = replace(report, noise_gain=noise_gain(observer))

@@ -101,17 +101,17 @@ def fit_windows(history: History, sizes: Sizes) -> tuple[Windows, Behaviour]:
     return _long_enough(history, sizes, least)
 
 
-def larger_future(history: History, sizes: Sizes, windows: Windows) -> int | None:
-    """The first larger future for which condition (8) holds; None when none does or the record is too short for it."""
+def larger_future(history: History, sizes: Sizes, windows: Windows) -> int | str:
+    """The first larger future for which condition (8) holds; in words why none is found."""
     order = memory_of(history, sizes.tolerance).order or windows.past
     for future in range(windows.future + 1, order + 2):
         try:
             _, behaviour = _cut(history, sizes, windows.past, future)
-        except HistoryError:
-            return None
+        except HistoryError as error:
+            return f"whether a larger future shows it cannot be told: {error}"
         if behaviour.decided and not invisible(behaviour):
             return future
-    return None
+    return "no larger future shows it: more outputs are needed"
 
 
 def without_zeros(history: History, sizes: Sizes, windows: Windows, limit: float) -> tuple[Windows, Behaviour] | None:

@@ -245,27 +245,39 @@ def _proved(solution: _Solution, options: DesignOptions, data: DataReport) -> Pr
     unseen = try_observer(observer, units.spread.scaled(split.unseen), split.overlap)
     n, p, rank = observer.states, observer.outputs, data.rank or 0
     answers = float(np.sqrt(np.max(np.diag(noise_covariance(observer, np.eye(p))), initial=0.0)))
-    gain = answers + float(np.linalg.norm(solution.W))
-    beyond = leverage(*(_trajectories(units.spread.scaled(one)) for one in (split.seen, split.unseen)), rank)
-    allowed = rounding(max(solution.rounding, options.relative_tolerance or 0.0), gain, unseen, beyond)
+    longest = max((len(one.error) for one in unseen), default=0)
+    gain = answers + float(np.linalg.norm(solution.W)) + _transient(observer, longest)
+    seen, new = (_trajectories(units.spread.scaled(one)) for one in (split.seen, split.unseen))
+    tolerance = max(solution.rounding, options.relative_tolerance or 0.0)
+    allowed = rounding(tolerance, gain, unseen, leverage(seen, new, rank))
     if not solution.exact:
-        seen = try_observer(observer, units.spread.scaled(split.seen), split.overlap)
+        fitted = try_observer(observer, units.spread.scaled(split.seen), split.overlap)
         stated = None
         if options.noise_std is not None:
             std = units.spread.noise(options.noise_std)
             C = into.y[:, None] * solution.behaviour.C / into.x  # the noise on x as y shows it
             levels = np.diag(noise_covariance(observer, C @ np.diag(std**2) @ C.T))
             stated = Allowance(error=np.sqrt(levels[:n]) + std, residual=np.sqrt(levels[n:]), basis="that stated")
-        allowed = noise(seen, rank, allowed, stated)
+        allowed = noise(fitted, rank, allowed, stated)
     scales = (units.spread.x, units.spread.y)
     unseen = of_their_size(unseen) if solution.exact else unseen
     return prove(unseen, allowed, scales, spare_columns=data.columns - rank, hardly=solution.hardly)
 
 
+def _transient(observer: LinearObserver, steps: int) -> float:
+    """How far rounding of the state may grow within a run before it dies out: largest |[M; H] A^t|."""
+    rows, largest = np.vstack([observer.M, observer.H]), 0.0
+    for _ in range(steps):
+        rows = rows @ observer.A
+        largest = max(largest, float(np.linalg.norm(rows)))
+    return largest
+
+
 def _trajectories(history: History) -> NDArray[np.float64]:
     """[u_t; x_t; u_t+1; x_t+1] of all pairs of consecutive samples without a gap; y follows from them."""
     pairs = [np.hstack([one.u[:-1], one.x[:-1], one.u[1:], one.x[1:]]) for one in stretches(history)]
-    return np.vstack(pairs).T
+    width = 2 * (history.inputs + history.states)
+    return np.vstack([np.zeros((0, width)), *pairs]).T
 
 
 def _refuse(draft: Certificate, reason: str) -> Design:

@@ -39,11 +39,11 @@ def predicting_observer(
     N_p, N_1, N_f = np.split(N, [m + p, m + p + k], axis=1)
     f, n = len(N), C.shape[1]
     static = R @ np.hstack([-behaviour.D, np.eye(p)])  # y' - R D u from v = (u, y)
-    inverse = np.linalg.pinv(C[:, fixed]) if fixed else np.zeros((0, len(C)))
+    inverse = np.linalg.pinv(C[:, fixed], rcond=_RANK) if fixed else np.zeros((0, len(C)))
     M, D = np.zeros((n, k + f)), np.zeros((n, m + p))
     M[free, :k], D[free] = np.eye(k), D1
     M[fixed, :k], D[fixed] = -inverse @ C[:, free], inverse @ (static - C[:, free] @ D1)
-    guess = np.linalg.pinv(C) @ static if len(C) else np.zeros((n, m + p))
+    guess = np.linalg.pinv(C, rcond=_RANK) @ static if len(C) else np.zeros((n, m + p))
     return LinearObserver(
         A=np.block([[A1, np.zeros((k, f))], [N_1, np.zeros((f, f))]]),
         B=np.vstack([W_p + A1 @ D1, N_p + N_1 @ D1]),

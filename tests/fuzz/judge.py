@@ -18,11 +18,13 @@ _NOISY = 0.5  # of the largest signal: an estimate from a noisy record that is o
 _EXACT = 1e-6  # of the largest signal, what "exact" means on fresh data
 _DOUBTED = 1e3  # rounding of the record is amplified by this much at most beyond the oracle's estimate
 _STATED = 30.0  # a stated figure is the largest of some samples; on others it may be this much larger
-_ROUNDED = 1e-8  # of the largest signal: rounding of a run that grows more than the record did
+_ROUNDED = 1e-7  # of the largest signal: rounding of a run that grows more than the record did
 _REPEATED = 1e-4  # placed poles that coincide are moved by this much by rounding
 _SAID = re.compile(
     r"borderline|ambiguous|not told|cannot be told|not clear|undecided|too noisy|close to", re.IGNORECASE
 )
+
+_LONGER = re.compile(r"record (longer|\d+ more)")  # says by how many samples it is too short
 
 
 class Outcome(Enum):
@@ -70,10 +72,10 @@ class Result:
 def refusal(truth: Truth, verdict: str) -> tuple[Outcome, str]:
     """Judge a refusal."""
     told = f"{verdict} | {truth.why}"
-    if truth.answer in {Answer.NO, Answer.UNTOLD}:
+    if truth.answer in {Answer.NO, Answer.UNTOLD} or truth.structure is Answer.NO:
         return Outcome.AGREED, told
     if truth.answer is Answer.OPEN:
-        return (Outcome.OPEN if _SAID.search(verdict) or "record longer" in verdict else Outcome.UNSAID), told
+        return (Outcome.OPEN if _SAID.search(verdict) or _LONGER.search(verdict) else Outcome.UNSAID), told
     return Outcome.MISSED, told
 
 
@@ -83,7 +85,7 @@ def allowed(truth: Truth, *, exact: bool, stated: float | None) -> float:
     if stated is None:
         return min(max(_EXACT, _DOUBTED * truth.doubt), most)
     told = min(10.0 * truth.doubt, _EXACT)  # what a design calls exact, where the record leaves that much open
-    return min(max(_STATED * stated, told, _ROUNDED), most)
+    return min(max(_STATED * stated, told, _ROUNDED), max(most, stated))
 
 
 def acceptance(

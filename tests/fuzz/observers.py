@@ -29,7 +29,14 @@ if TYPE_CHECKING:
 
 LARGE = 5  # states
 _TWINS = 0.25  # share of the cases that are tried in other units too
-_STRATEGY = ("is not stable", "cannot be placed", "max_sensitivity", "cannot be reached", "poles are given")
+_STRATEGY = (
+    "is not stable",
+    "cannot be placed",
+    "max_sensitivity",
+    "cannot be reached",
+    "poles are given",
+    "use full_order or reduced_order",
+)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

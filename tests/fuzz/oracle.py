@@ -44,11 +44,13 @@ class Truth:
         answer: whether it must find an observer, must refuse, or may do either.
         doubt: relative error with which the data determine the plant, amplified by how close to impossible it is.
         why: in words.
+        structure: what the plant alone says, whatever the data.
     """
 
     answer: Answer
     doubt: float
     why: str
+    structure: Answer = Answer.YES
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -188,7 +190,7 @@ def judged_margin(data: Evidence, answer: Answer, margin: float, why: str) -> Tr
     doubt = data.error / max(margin, 1e-300)
     told = f"{why}; data leave {data.error:.0e}, {data.spare} spare columns"
     if data.spare < 0 or data.error > _UNTOLD:
-        return Truth(answer=Answer.UNTOLD, doubt=1.0, why=f"the data do not tell: {told}")
+        return Truth(answer=Answer.UNTOLD, doubt=1.0, why=f"the data do not tell: {told}", structure=answer)
     if data.spare < data.span + 10 or data.error > _TOLD or margin < max(_CLEAR, _SAFETY * data.error):
-        return Truth(answer=Answer.OPEN, doubt=min(doubt, 1.0), why=f"borderline: {told}")
-    return Truth(answer=answer, doubt=doubt, why=told)
+        return Truth(answer=Answer.OPEN, doubt=min(doubt, 1.0), why=f"borderline: {told}", structure=answer)
+    return Truth(answer=answer, doubt=doubt, why=told, structure=answer)

@@ -84,6 +84,8 @@ def window_truth(plant: Plant, recording: Recording, past: int, future: int) -> 
     kernel /= max(1.0, float(np.linalg.norm(now, 2)))
     if kernel < 1e-10:
         return judged_margin(data, Answer.NO, 1.0, "condition (8) fails")
+    if past <= _lag(plant):
+        return judged_margin(data, Answer.NO, 1.0, f"past is not longer than the lag {_lag(plant)}")
     V, margin = _observable(plant)
     zeros = zero_margins(V.T @ plant.A @ V, V.T @ plant.E, plant.C @ V, plant.G, 1.0)
     if zeros.outside < 1e-10 and zeros.circle > 1e-8:
@@ -104,6 +106,15 @@ def _window(plant: Plant, length: int) -> tuple[Floats, Floats]:
         for column in range(row + 1):
             T[row * p : (row + 1) * p, column * m_d : (column + 1) * m_d] = response[row - column]
     return np.vstack([plant.C @ power for power in powers[:length]]), T
+
+
+def _lag(plant: Plant) -> int:
+    """Samples of y that fix what is observable of the state."""
+    n, p = len(plant.A), len(plant.C)
+    Theta, _ = _window(plant, n)
+    tolerance = 1e-9 * float(np.linalg.norm(Theta, 2))
+    ranks = [np.linalg.matrix_rank(Theta[: p * (count + 1)], tol=tolerance) for count in range(n)]
+    return ranks.index(ranks[-1]) + 1
 
 
 def _observable(plant: Plant) -> tuple[Floats, float]:
