@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monitor.errors import HistoryError
+from monitor.history import data_matrices
 from monitor.output_map import Misfit, identify_output_map
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from monitor.history import DataMatrices
+    from monitor.history import DataMatrices, History
 
 
 def _nothing() -> NDArray[np.float64]:
@@ -90,6 +91,28 @@ class Behaviour:
 
 
 _DIRECT = 1e-9  # relative: a direction of G below is rounding
+
+
+def identify_direct(history: History) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """Find C and G of y = C x + G d where d was recorded.
+
+    Raises:
+        HistoryError: y is no static function of x and d.
+    """
+    try:
+        alone = identify_output_map(data_matrices(history))
+        if all(kind is Misfit.NOTHING for kind in alone.kinds):
+            return alone.C, np.zeros((len(alone.C), history.experiments[0].d.shape[1]))
+    except HistoryError:
+        pass  # states alone do not explain y: d may
+    known = [replace(one, u=one.d) for one in history.experiments]
+    found = identify_output_map(data_matrices(replace(history, experiments=tuple(known))))
+    for row in np.flatnonzero(found.driven):
+        raise HistoryError(
+            f"y[{row}] = C x + G d leaves {found.misfit[row]:.2g} of its spread unexplained, by an input that was not "
+            "recorded: record it in d, or record y and x at the same instants"
+        )
+    return found.C, found.D
 
 
 def identify_output(data: DataMatrices) -> NDArray[np.float64]:

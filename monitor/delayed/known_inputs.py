@@ -1,8 +1,8 @@
 """The delayed observer from a history in which the inputs that are unknown online were recorded.
 
-x_f = A x_p + E d_p is then a plain regression: nothing is left of the freedom of `coordinates`, and the reconstructed
-input comes in the units of d. Where the inputs cannot be cancelled exactly, what is bounded is their deviation from the
-operating point of the history, d = mean + reach w with |w| <= 1 over the history.
+x_f = A x_p + E d_p and y = C x + G d are then plain regressions: nothing is left of the freedom of `coordinates`, and
+the reconstructed input comes in the units of d. Where the inputs cannot be cancelled exactly, what is bounded is their
+deviation from the operating point of the history, d = mean + reach w with |w| <= 1 over the history.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
-from monitor.behaviour import identify_output
+from monitor.behaviour import identify_direct
 from monitor.constant_input import ConstantInput, linear_part
 from monitor.delayed.coordinates import with_attacks
 from monitor.delayed.designing import DelayedOptions, Goal, Units, design_for, refuse
@@ -22,7 +22,6 @@ from monitor.delayed.model import Model, model_of
 from monitor.delayed.proving import Claim, prove_inputs
 from monitor.delayed.units import in_units
 from monitor.errors import HistoryError, MonitorError
-from monitor.history import data_matrices
 from monitor.options import STRICT
 from monitor.proof import hold_back
 from monitor.regression import regress_states
@@ -41,9 +40,9 @@ KIND = "delayed"
 _EXACT = 1e-9  # relative: a history that misses the plant by less carries rounding only
 _ROUNDING = 1e-10  # relative rounding of exact samples
 _RANK = 1e-9  # relative: smaller singular values are zero
+_IDLE = 1e-12  # shares of the spread: what moves states and outputs by less is rounding
 _DEPENDENT = 1e-8  # relative: inputs that act more alike than this are the same
 _NOISE_SAFETY, _COARSE = 3.0, 0.1  # directions closer than this to the error of the model are not told from noise
-_TINY = 1e-300  # keeps 0 / 0 out
 
 
 @checked_dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
@@ -57,6 +56,26 @@ class KnownInputOptions(DelayedOptions):
 
     attacked: tuple[int, ...] = ()
     attack_bound: float = Field(default=1.0, gt=0.0)
+
+
+def check_acting(acting: NDArray[np.float64]) -> None:
+    """Check that inputs act, and each in its own way.
+
+    Args:
+        acting: (n + p, m_d) [E; G] in shares of the spread of states, outputs and inputs.
+
+    Raises:
+        HistoryError: an input acts on nothing, or some act alike.
+    """
+    sizes = np.linalg.norm(acting, axis=0)
+    for idle in np.flatnonzero(sizes <= _IDLE):
+        raise HistoryError(
+            f"d[{idle}] acts on nothing that was recorded ({sizes[idle]:.1g} of the spread): leave it out, or measure "
+            "what it moves"
+        )
+    values = np.linalg.svd(acting / sizes, compute_uv=False)
+    if acting.shape[1] > len(acting) or values[-1] <= _DEPENDENT * values[0]:
+        raise HistoryError(f"rank [E; G] < {len(sizes)}: some unknown inputs act alike, leave them out")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -129,11 +148,12 @@ def design_known(history: History, options: KnownInputOptions) -> KnownInputDesi
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Plant:
-    """x+ = A x + E d, y = C x in the units in which norms are taken."""
+    """x+ = A x + E d, y = C x + G d in the units in which norms are taken."""
 
     A: NDArray[np.float64]
     E: NDArray[np.float64]
     C: NDArray[np.float64]
+    G: NDArray[np.float64]
     norm: Scaling
     units: Units
     misfit: float
@@ -147,17 +167,14 @@ def _identify(seen: History, into: Scaling, norm: Scaling) -> _Plant:
         HistoryError: the history does not determine A, E and C, or inputs act alike.
     """
     n, m_d = seen.states, seen.experiments[0].d.shape[1]
-    C = identify_output(data_matrices(seen))
+    C, G = identify_direct(seen)
     names = [*(f"x[{row}]" for row in range(n)), *(f"d[{row}]" for row in range(m_d))]
     fit = regress_states(seen, [(one.d,) for one in seen.experiments], names)
     A, E = fit.Theta[:, :n], fit.Theta[:, n:]
-    acting = E * into.d / into.x[:, None]
-    values = np.linalg.svd(acting / np.maximum(np.linalg.norm(acting, axis=0), _TINY), compute_uv=False)
-    if m_d > n or values[-1] <= _DEPENDENT * values[0]:
-        raise HistoryError(f"rank E < {m_d}: some unknown inputs act alike, leave them out")
+    check_acting(np.vstack([E / into.x[:, None], G / into.y[:, None]]) * into.d)
     tolerance = max(_RANK, min(_NOISE_SAFETY * fit.misfit, _COARSE))
     units = Units(x=norm.x, y=norm.y, tolerance=tolerance)
-    return _Plant(A=A, E=E, C=C, norm=norm, units=units, misfit=fit.misfit, columns=fit.columns)
+    return _Plant(A=A, E=E, C=C, G=G, norm=norm, units=units, misfit=fit.misfit, columns=fit.columns)
 
 
 def _exact(history: History, options: KnownInputOptions, plant: _Plant) -> DelayedDesign:
@@ -165,7 +182,7 @@ def _exact(history: History, options: KnownInputOptions, plant: _Plant) -> Delay
     if options.goal is Goal.BOUNDED:
         return refuse(KIND, "a bounded design is asked for")
     chosen = replace(options, goal=Goal.EXACT)
-    model = with_attacks(model_of(plant.A, plant.E, plant.C), options.attacked, 1.0 / plant.norm.y)
+    model = with_attacks(model_of(plant.A, plant.E, plant.C, plant.G), options.attacked, 1.0 / plant.norm.y)
     unit = "an input of norm 1"
     return design_for(KIND, model, chosen, history.sampling_period_sec, unit=unit, units=plant.units)
 
@@ -214,15 +231,14 @@ def _spread(history: History) -> tuple[NDArray[np.float64], NDArray[np.float64]]
 
 
 def _around(plant: _Plant, mean: NDArray[np.float64], reach: NDArray[np.float64]) -> Model:
-    """x+ = A x + E reach w + E mean 1, y = C x."""
-    p = len(plant.C)
+    """x+ = A x + E reach w + E mean 1, y = C x + G reach w + G mean 1."""
     return Model(
         A=plant.A,
         B=plant.E * reach,
         C=plant.C,
-        D=np.zeros((p, len(reach))),
+        D=plant.G * reach,
         B_u=(plant.E @ mean)[:, None],
-        D_u=np.zeros((p, 1)),
+        D_u=(plant.G @ mean)[:, None],
     )
 
 

@@ -9,6 +9,8 @@ import numpy as np
 from pydantic.dataclasses import dataclass as checked_dataclass
 
 from monitor import observers
+from monitor.behaviour import identify_direct
+from monitor.delayed.known_inputs import check_acting
 from monitor.errors import HistoryError
 from monitor.input_estimators.linear_estimator import LinearInputEstimator
 from monitor.input_estimators.protocol import EstimatorDesign, figures
@@ -22,11 +24,11 @@ from monitor.sight import noise_covariance
 from monitor.trials import right_start, run_linear
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Callable, Mapping
 
     from numpy.typing import NDArray
 
-    from monitor.history import History
+    from monitor.history import Experiment, History
     from monitor.proof import Proof, Split
     from monitor.regression import Fit
     from monitor.scaling import Scaling
@@ -36,8 +38,6 @@ _EXACT = 1e-9  # relative: a history that misses the plant by less carries round
 _ROUNDING = 1e-10  # relative rounding of exact samples
 _SHORTEST = 3  # samples of a stretch that can be judged
 _WORTHLESS = 1.0  # spreads: an estimate with a larger error is no better than the mean of the history
-_TINY = 1e-300  # keeps 0 / 0 out
-_DEPENDENT = 1e-8  # relative: columns of E closer than this to one another are the same
 
 
 @checked_dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
@@ -54,7 +54,9 @@ class OneStepOptions:
 
 
 def design(history: History, options: Mapping[str, object]) -> EstimatorDesign:
-    """dhat_(t-1) = E^+ (xhat_t - A xhat_(t-1)), A (n, n) and E (n, m_d) from x_t+1 = A x_t + E d_t on the history.
+    """dhat_(t-1) = [E; G]^+ [xhat_t - A xhat_(t-1); y_(t-1) - C xhat_(t-1)] from x_t+1 = A x_t + E d_t, y = C x + G d.
+
+    A (n, n), E (n, m_d), C (p, n), G (p, m_d) are fitted to the history.
 
     Exact on exact data (theory section 7 with the UIO's xhat): for every trajectory of the plant, and so for every
     falsification that looks like one, dhat is the input that would have caused it.
@@ -74,19 +76,23 @@ def design(history: History, options: Mapping[str, object]) -> EstimatorDesign:
     names = [*(f"x[{row}]" for row in range(n)), *(f"d[{row}]" for row in range(m_d))]
     fit = regress_states(seen, [(one.d,) for one in seen.experiments], names)
     A, E = fit.Theta[:, :n], fit.Theta[:, n:]
-    acting = E * into.d / into.x[:, None]
-    values = np.linalg.svd(acting / np.maximum(np.linalg.norm(acting, axis=0), _TINY), compute_uv=False)
-    if m_d > n or values[-1] <= _DEPENDENT * values[0]:
-        raise HistoryError(f"rank E < {m_d}: the unknown inputs cannot be told apart from the state")
+    C, G = identify_direct(seen)
+    check_acting(np.vstack([E / into.x[:, None], G / into.y[:, None]]) * into.d)
     found = observers.design(parsed.observer, history, parsed.observer_options)
     if not isinstance(found.observer, LinearObserver):
         raise HistoryError(f"xhat is needed: {found.verdict}")
-    if found.observer.lag:
-        raise HistoryError(f"xhat of the same sample is needed, {parsed.observer} gives it {found.observer.lag} late")
-    F = norm.d[:, None] * np.linalg.pinv(E) / norm.x
+    observer = found.observer
+    if observer.lag:
+        raise HistoryError(f"xhat of the same sample is needed, {parsed.observer} gives it {observer.lag} late")
+    reads = [row for row in range(len(G)) if G[row].any()]  # outputs that inputs act on directly
+    inverse = norm.d[:, None] * np.linalg.pinv(np.vstack([E, G[reads]]))
+    F, F_y = inverse[:, :n] / norm.x, inverse[:, n:] / norm.y[reads]
     A, E = norm.x[:, None] * A / norm.x, norm.x[:, None] * E / norm.d
-    realisation = _realise(found.observer, A, F)
-    proof = _prove(realisation, found.observer, split, spread, fit)
+    C = (norm.y[:, None] * C / norm.x)[reads]
+    realisation = _realise(observer, A, F)
+    if reads:
+        realisation = _reading(realisation, F_y, C, reads)
+    proof = _prove(realisation, lambda one: _start(observer, one, reads), (split, spread), fit)
     if not proof.holds:
         raise HistoryError(proof.refusal())
     noise = np.linalg.norm(F, axis=1) * np.sqrt(1.0 + np.linalg.norm(A, 2) ** 2)
@@ -106,17 +112,27 @@ def design(history: History, options: Mapping[str, object]) -> EstimatorDesign:
     )
 
 
-def _prove(realisation: LinearObserver, observer: LinearObserver, split: Split, spread: Scaling, fit: Fit) -> Proof:
-    """Hold dhat against the recorded d in unseen samples; the observer starts where the recorded state puts it."""
+def _start(observer: LinearObserver, one: Experiment, reads: list[int]) -> NDArray[np.float64]:
+    """State after the first sample of a stretch: the observer starts where the recorded state puts it."""
+    later = replace(one, **{name: getattr(one, name)[1:] for name in ("u", "y", "x", "d", "w")})
+    return np.concatenate([right_start(observer, later), one.x[0], one.y[0, reads]])
+
+
+def _prove(
+    realisation: LinearObserver,
+    start: Callable[[Experiment], NDArray[np.float64]],
+    data: tuple[Split, Scaling],
+    fit: Fit,
+) -> Proof:
+    """Hold dhat against the recorded d in unseen samples, each stretch from its right start."""
+    split, spread = data
 
     def tried(history: History) -> list[Trial]:
         trials = []
         for one in stretches(history):
             if len(one.y) < _SHORTEST or not np.isfinite(one.d).all():
                 continue
-            later = replace(one, **{name: getattr(one, name)[1:] for name in ("u", "y", "x", "d", "w")})
-            start = np.concatenate([right_start(observer, later), one.x[0]])
-            estimate, _ = run_linear(realisation, later.y, start)
+            estimate, _ = run_linear(realisation, one.y[1:], start(one))
             size = max(float(np.max(np.abs(one.d / spread.d))), float(np.max(np.abs(one.x / spread.x))))
             error = (estimate - one.d[:-1]) / spread.d
             trials.append(Trial(error=error, residual=np.zeros((len(error), 0)), size=size))
@@ -147,4 +163,22 @@ def _realise(observer: LinearObserver, A: NDArray[np.float64], F: NDArray[np.flo
         Z=np.vstack([observer.Z, first]),
         inputs=0,
         outputs=observer.outputs,
+    )
+
+
+def _reading(
+    found: LinearObserver, F_y: NDArray[np.float64], C: NDArray[np.float64], reads: list[int]
+) -> LinearObserver:
+    """State [z; xhat_(t-1); y_(t-1)] of the outputs `reads`: dhat gains F_y (y_(t-1) - C xhat_(t-1))."""
+    q, n, r = found.order, C.shape[1], len(reads)
+    picked = np.eye(found.outputs)[reads]
+    M = found.M.copy()
+    M[:, q - n :] -= F_y @ C
+    return replace(
+        found,
+        A=np.block([[found.A, np.zeros((q, r))], [np.zeros((r, q + r))]]),
+        B=np.vstack([found.B, picked]),
+        M=np.hstack([M, F_y]),
+        H=np.hstack([found.H, np.zeros((found.outputs, r))]),
+        Z=np.vstack([found.Z, picked]),
     )

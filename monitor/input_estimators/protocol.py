@@ -75,6 +75,7 @@ def figures(proof: Proof) -> dict[str, object]:
         "samples": proof.samples,
         "spare_columns": proof.spare_columns,
         "worst_error": proof.worst_error,
+        "worst_residual": proof.worst_residual,
         "allowed_error": proof.allowed_error,
         "errors": proof.errors.tolist(),
         "basis": proof.basis,

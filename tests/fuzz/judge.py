@@ -115,7 +115,7 @@ def acceptance(
     limit = allowed(truth, exact=exact, stated=stated)
     if like.worst > limit:
         return Outcome.WRONG, f"off on fresh data, allowed {limit:.0e}: {told}"
-    if exact and full.worst > _GROSS:  # an input weaker than the noise nobody can find
+    if exact and full.worst > max(_GROSS, stated or 0.0):  # an input weaker than the noise nobody can find
         if truth.answer is Answer.OPEN and _SAID.search(verdict):
             return Outcome.OPEN, told
         return Outcome.WRONG, f"misses an unknown input: {told}"
