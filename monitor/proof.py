@@ -28,6 +28,9 @@ _PEAKS = 3.0  # rounding to few digits grows with the signal: it is no Gaussian 
 _LOST = 1e4  # the algebra of a design, ill conditioned as the plant is, loses four digits more than the samples
 _USELESS = 0.5  # shares of the spread: an estimate further off is hardly better than the mean of the history
 _WORTHLESS = 1.0  # shares of the spread: an error as large as all that moves is allowed by no noise
+_BY_ROUNDING = "rounding"
+_NEAR = 10.0  # times what rounding allows, or a tenth of it
+_NEAR_NOISE = 2.0  # times what noise allows
 _HARDLY = 10.0  # times what is allowed: a doubt that is larger must be told
 SIGMAS = 6.0  # Gaussian noise crosses it in two samples of a billion
 
@@ -94,9 +97,11 @@ class Proof:
         residuals: (p,) worst residual of each output, the user's units.
         basis: what allows them.
         holds: nothing is above what is allowed, and there was something to judge.
+        close: the figures lie so near to what rounding allows, below or above, that another record of the same plant
+            might turn the answer.
         hardly: what a motion of one spread along the direction that the record excites least may leave in the estimate,
-            in shares of the spread; 0 where that is no more than ten times what is allowed. No sample of the same
-            record can show it.
+            in shares of the spread; 0 where that is no more than what rounding allows, or ten times what noise allows.
+            No sample of the same record can show it.
     """
 
     samples: int
@@ -110,6 +115,7 @@ class Proof:
     residuals: NDArray[np.float64]
     basis: str
     holds: bool
+    close: bool = False
     hardly: float = 0.0
 
     def words(self) -> str:
@@ -120,9 +126,11 @@ class Proof:
         if self.worst_residual is not None:
             parts.append(f"residual within {self.worst_residual:.1g}")
         words = f"on {self.samples} unseen samples: {', '.join(parts) or 'nothing to judge'}"
-        if not self.hardly:
-            return words
-        return f"{words}; borderline: a motion that the record hardly excites may leave {self.hardly:.1g} of the spread"
+        if self.close:
+            words += f"; borderline: {self.basis} allows {self.allowed_error or self.allowed_residual:.1g}"
+        if self.hardly:
+            words += f"; borderline: a motion that the record hardly excites may leave {self.hardly:.1g} of the spread"
+        return words
 
     def lines(self) -> list[str]:
         """The proof as lines of text for a terminal."""
@@ -141,9 +149,11 @@ class Proof:
             for (name, allowed), worst in zip(self._allowed(), (self.worst_error, self.worst_residual), strict=True)
             if worst is not None and allowed is not None and not worst <= allowed
         ]
+        close = "borderline: " if self.close else ""
         return (
-            f"not true on {self.samples} unseen samples ({'; '.join(found)} of the signals' spread, by {self.basis}): "
-            "what the history shows does not carry over; record longer, excite everything, or check units and clocks"
+            f"{close}not true on {self.samples} unseen samples ({'; '.join(found)} of the signals' spread, "
+            f"by {self.basis}): what the history shows does not carry over; record longer, excite everything, or check "
+            "units and clocks"
         )
 
     def _allowed(self) -> tuple[tuple[str, float | None], tuple[str, float | None]]:
@@ -206,7 +216,7 @@ def rounding(tolerance: float, gain: float, trials: Sequence[Trial], beyond: flo
     """
     size = max((trial.size for trial in trials), default=1.0)
     allowed = min(_EXACT, _LOST * max(tolerance, np.finfo(float).eps * size) * (1.0 + gain) * (1.0 + beyond))
-    return Allowance(error=float(allowed), residual=float(allowed), basis="rounding")
+    return Allowance(error=float(allowed), residual=float(allowed), basis=_BY_ROUNDING)
 
 
 def noise(seen: Sequence[Trial], unknowns: int, exact: Allowance, stated: Allowance | None = None) -> Allowance:
@@ -271,6 +281,7 @@ def prove(
     samples = sum(len(trial.residual) if p else len(trial.error) for trial in unseen)
     worst_error, allowed_error = _closest(errors, allowance.error)
     worst_residual, allowed_residual = _closest(residuals, allowance.residual)
+    told = 1.0 if allowance.basis == _BY_ROUNDING else _HARDLY
     below = bool(np.all(errors <= allowance.error) and np.all(residuals <= allowance.residual))
     return Proof(
         samples=samples,
@@ -284,8 +295,17 @@ def prove(
         residuals=residuals * scales[1],
         basis=allowance.basis,
         holds=bool(samples) and below,
-        hardly=hardly if hardly > _HARDLY * (allowed_error or 0.0) else 0.0,
+        close=_close(allowance, errors, residuals),
+        hardly=hardly if hardly > told * (allowed_error or 0.0) else 0.0,
     )
+
+
+def _close(allowance: Allowance, errors: NDArray[np.float64], residuals: NDArray[np.float64]) -> bool:
+    """Whether the figure closest to what is allowed is near it: a decade for rounding, else a factor of 2."""
+    pairs = ((errors, allowance.error), (residuals, allowance.residual))
+    shares = [np.max(found / np.maximum(most, np.finfo(float).tiny), initial=0.0) for found, most in pairs]
+    share = float(max(shares))
+    return 1.0 / _NEAR < share <= _NEAR if allowance.basis == _BY_ROUNDING else 1.0 < share <= _NEAR_NOISE
 
 
 def _part(one: Experiment, start: int, stop: int | None) -> Experiment:

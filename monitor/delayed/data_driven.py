@@ -44,6 +44,7 @@ if TYPE_CHECKING:
 
 KIND = "delayed"
 _ROUNDING = 1e-9  # relative: below it a direction carries rounding only
+_TOLERANCE = 1e-10  # relative rounding of exact samples
 _NOISE_SAFETY = 3.0  # directions closer than this to the error of the model are not told from noise
 _COARSE = 0.1
 _TINY = 1e-300  # keeps 0 / 0 out
@@ -161,8 +162,8 @@ def _look(history: History, chosen: HistoryOptions) -> _Found:
             exact=decision.basis is RankBasis.EXACT,
             unknowns=report.rank or 0,
             spare_columns=data.columns - (report.rank or 0),
-            tolerance=max(decision.rounding, chosen.relative_tolerance or 0.0),
-            hardly=SIGMAS / decision.clearness,
+            tolerance=chosen.relative_tolerance or _TOLERANCE,
+            hardly=max(decision.tilt, SIGMAS / decision.clearness),
         ),
         sampling_period_sec=history.sampling_period_sec,
     )
@@ -172,9 +173,8 @@ def _model_error(decision: RankDecision) -> float:
     """How far directions may be tilted: rounding, or noise against the weakest unknown input."""
     m_d, values = decision.unknown_inputs or 0, decision.innovation_values
     if decision.basis is RankBasis.EXACT or m_d >= len(values):
-        return _ROUNDING
-    weakest = float(values[m_d - 1]) if m_d else 1.0
-    return max(_ROUNDING, _NOISE_SAFETY * float(values[m_d]) / weakest)
+        return max(_ROUNDING, decision.tilt)
+    return max(_ROUNDING, decision.tilt, _NOISE_SAFETY * float(values[m_d]) / decision.weakest)
 
 
 def _exact(found: _Found, chosen: HistoryOptions) -> DelayedDesign:

@@ -18,6 +18,7 @@ import numpy as np
 
 from monitor.acceptor import unobservable
 from monitor.delayed.model import window_of
+from monitor.freedom.assignment import canonical_basis
 from monitor.riccati import dual_lqr
 
 if TYPE_CHECKING:
@@ -26,6 +27,7 @@ if TYPE_CHECKING:
     from monitor.delayed.model import Model, Window
 
 _RANK = 1e-9  # relative: singular values below it are zero
+_FAINT = 1e-5  # what is seen by more is seen, however far off the model may be
 _AMBIGUOUS = 1e-7  # those between rounding and this one may or may not be zero
 _ROUNDING = 1e-13  # relative: what zero looks like
 _EXACT = 1e-9  # relative: what a gain may leave of the unknown inputs
@@ -91,9 +93,9 @@ class _Gains:
     N: NDArray[np.float64]
     seen: NDArray[np.float64]
 
-    def stable(self) -> NDArray[np.float64] | None:
-        """L0 + F N with F of the dual LQR; None when that finds no stable one."""
-        F = _stabilise(self.error, self.seen)
+    def stable(self, hidden: float) -> NDArray[np.float64] | None:
+        """L0 + F N with F of the dual LQR; None when that finds no stable one. What is seen by less is hidden."""
+        F = _stabilise(self.error, self.seen, hidden)
         return None if F is None else np.asarray(self.L0 + F @ self.N, dtype=np.float64)
 
 
@@ -114,7 +116,8 @@ def decouple(model: Model, window: Window, tolerance: float = _RANK) -> Decoupli
     if enough is None or enough > delay:
         return Decoupling(gained_rank=int(gains[delay]), needed_rank=needed, enough=enough, doubt=doubt)
     shortest = _gains(model, window_of(model, enough), ranks[enough])
-    fixed = _hidden_radius(shortest.error, shortest.seen)
+    hidden = min(max(tolerance, _RANK), _FAINT)
+    fixed = _hidden_radius(shortest.error, shortest.seen, hidden)
     if abs(fixed - 1.0) < _CIRCLE:
         doubt = f"a zero has modulus {fixed:.9g}"
     found = Decoupling(gained_rank=needed, needed_rank=needed, radius=fixed, enough=enough, doubt=doubt)
@@ -122,7 +125,7 @@ def decouple(model: Model, window: Window, tolerance: float = _RANK) -> Decoupli
         return found
     whole = _gains(model, window, ranks[enough] + needed * (delay - enough))
     for tried in (whole, shortest) if delay > enough else (whole,):
-        gain = tried.stable()
+        gain = tried.stable(hidden)
         if gain is None:
             continue
         L = np.hstack([gain, np.zeros((len(gain), len(window.Theta) - gain.shape[1]))])  # later samples are not used
@@ -162,17 +165,23 @@ def _ranks(model: Model, longest: int, tolerance: float) -> tuple[list[int], str
     return ranks[1:], doubt
 
 
-def _hidden_radius(A: NDArray[np.float64], C: NDArray[np.float64]) -> float:
+def _hidden_radius(A: NDArray[np.float64], C: NDArray[np.float64], tolerance: float) -> float:
     """Largest modulus of the modes that no F in A - F C moves: the invariant zeros of the plant."""
-    hidden = unobservable(A, C)
+    hidden = unobservable(A, C, tolerance)
     return float(np.max(np.abs(np.linalg.eigvals(hidden.T @ A @ hidden)), initial=0.0)) if hidden.size else 0.0
 
 
-def _stabilise(A: NDArray[np.float64], C: NDArray[np.float64]) -> NDArray[np.float64] | None:
-    """F (n, rows of C) of the dual LQR that makes A - F C Schur; None when none is found."""
+def _stabilise(A: NDArray[np.float64], C: NDArray[np.float64], tolerance: float) -> NDArray[np.float64] | None:
+    """F (n, rows of C) of the dual LQR that makes A - F C Schur on what C sees; None when none is found."""
     if not C.size or np.max(np.abs(C)) <= _RANK:
         return np.zeros((len(A), len(C)))
     left, values, right = np.linalg.svd(C, full_matrices=False)
     rank = int(np.count_nonzero(values > _RANK * np.max(values, initial=_RANK)))
-    gain = dual_lqr(A, right[:rank])  # orthonormal combinations of the rows: it does not depend on how N is scaled
+    hidden = unobservable(A, right[:rank], tolerance)
+    if hidden.shape[1]:
+        seen = canonical_basis(np.eye(len(A)) - hidden @ hidden.T, len(A) - hidden.shape[1])
+        gain = dual_lqr(seen.T @ A @ seen, right[:rank] @ seen)
+        gain = None if gain is None else seen @ gain
+    else:
+        gain = dual_lqr(A, right[:rank])  # orthonormal combinations of the rows: it does not depend on how N is scaled
     return None if gain is None else np.asarray((gain / values[:rank]) @ left[:, :rank].T, dtype=np.float64)

@@ -14,7 +14,7 @@ import numpy as np
 from monitor.constant_input import ConstantInput, linear_part
 from monitor.delayed.bounds import respond
 from monitor.delayed.model import window_of
-from monitor.proof import Allowance, Trial, noise, prove, rounding, stretches
+from monitor.proof import Allowance, Trial, noise, of_their_size, prove, rounding, stretches
 from monitor.sight import noise_covariance
 from monitor.trials import run_linear
 
@@ -77,6 +77,7 @@ def prove_delayed(made: DelayedDesign, claim: Claim) -> Proof:
         seen = [] if claim.exact else _tried(made, split.seen, spread)
         allowed = claim.allowed(seen, unseen, gain)
         allowed = replace(allowed, error=np.minimum(allowed.error, _WORTHLESS))
+        unseen = of_their_size(unseen) if claim.exact else unseen
         return prove(unseen, allowed, scales, spare_columns=claim.spare_columns, hardly=claim.hardly)
     predicted, new = (_predicted(made, one, spread) for one in (split.seen, split.unseen))
     believed = claim.allowed(predicted, new, 1.0)

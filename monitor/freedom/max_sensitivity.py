@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 _DEFAULT_DECAY = 0.9
 _VISIBLE = 1e-7  # relative: below it no choice makes a bias visible
+_RANK = 1e-9  # relative: a row of N_x below is rounding
 _TINY = 1e-300  # keeps 0 / 0 out
 
 
@@ -77,13 +78,13 @@ def _fixed_dynamics(
     acceptors = problem.acceptors
     decay = _DEFAULT_DECAY if options.decay is None else options.decay
     movable = len(acceptors.W_x0) - unobservable(acceptors.W_x0, acceptors.N_x).shape[1]
-    rank = int(np.linalg.matrix_rank(acceptors.N_x)) if acceptors.N_x.size else 0
+    rank = int(np.linalg.matrix_rank(acceptors.N_x, tol=_RANK)) if acceptors.N_x.size else 0
     free = rank == len(acceptors.W_x0)  # every entry of A_UIO: poles may coincide
     Q = assign(acceptors, np.full(movable, decay) if free else default_poles(movable, decay))
     if Q is None:
         return Refusal("max_sensitivity: the eigenvalues cannot be placed accurately at this decay; try another")
     base = acceptors.W0 + Q @ acceptors.N
-    still = null_space(acceptors.N_x.T).T @ acceptors.N if acceptors.N_x.size else acceptors.N
+    still = null_space(acceptors.N_x.T, rcond=_RANK).T @ acceptors.N if acceptors.N_x.size else acceptors.N
     k = len(acceptors.W0)
     if not len(still) or not k:
         return Refusal("max_sensitivity: A_UIO uses up the whole freedom, nothing is left to optimise")

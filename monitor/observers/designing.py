@@ -44,7 +44,6 @@ _SCHUR = 1.0 - 1e-9  # a spectral radius from here on is no decay
 _BAND = 1e-6  # zeros this close to the unit circle are borderline
 _CLOSE = 1e2  # times what rounding or noise explains: a decision closer than that is borderline
 _ROUNDING = 1e-9  # relative: below it a direction of the regressors carries rounding only
-_LOST = 30.0  # how many times its rounding a subspace may be wrong by
 _TILTED = 0.1  # a subspace that may be wrong by more is not known
 _NOISE_SAFETY = 3.0  # directions closer than this to the error of the subspace are not told from noise
 _TINY = 1e-300  # keeps 0 / 0 out of a relative misfit
@@ -142,7 +141,7 @@ def design_uio(history: History, options: DesignOptions, shape: Shape) -> Design
         split=split,
         exact=exact and Misfit.NOISE not in output.kinds,
         rounding=decision.rounding,
-        hardly=max(_tilt(decision), SIGMAS / decision.clearness),
+        hardly=max(decision.tilt, SIGMAS / decision.clearness),
         notes=notes,
     )
     return _checked(draft, options, solution)
@@ -314,7 +313,7 @@ def _subspace_error(decision: RankDecision, output_error: float) -> float:
         HistoryError: rounding alone may tilt it anywhere.
     """
     m_d, values = decision.unknown_inputs or 0, decision.innovation_values
-    weakest, rounding = _weakest(decision), _tilt(decision)
+    weakest, rounding = decision.weakest, decision.tilt
     if rounding > _TILTED:
         raise HistoryError(
             f"borderline: the weakest unknown input moves the states by {weakest:.1g} of their spread, the weakest "
@@ -324,17 +323,6 @@ def _subspace_error(decision: RankDecision, output_error: float) -> float:
     exact = decision.basis is RankBasis.EXACT or m_d >= len(values)
     noise = 0.0 if exact else float(values[m_d] / (weakest if m_d else values[0] + 1.0))
     return max(_ROUNDING, rounding, min(_NOISE_SAFETY * max(noise, output_error), _TILTED))
-
-
-def _weakest(decision: RankDecision) -> float:
-    m_d = decision.unknown_inputs or 0
-    return float(decision.innovation_values[m_d - 1]) if m_d else 1.0
-
-
-def _tilt(decision: RankDecision) -> float:
-    """How far rounding alone may tilt the subspace that the record spans."""
-    least = min(1.0, max(_weakest(decision), np.finfo(float).tiny), float(decision.excitation[-1]))
-    return _LOST * decision.rounding / least
 
 
 def _kernel_residual(data: DataMatrices, selection: NDArray[np.float64], W: NDArray[np.float64]) -> float:

@@ -217,7 +217,8 @@ def _in_other_units(case: Case, made: Design) -> str | None:
     def outputs() -> tuple[tuple[Floats, Floats], tuple[Floats, Floats]] | None:
         return _both(case, made, again, twin)
 
-    return depends(twin, (made.verdict, again.verdict), outputs)
+    proof = made.certificate.proof
+    return depends(twin, (made.verdict, again.verdict), outputs, proof.hardly if proof else 0.0)
 
 
 def _both(

@@ -67,13 +67,21 @@ def depends(
     twin: Twin,
     verdicts: tuple[str, str],
     outputs: Callable[[], tuple[tuple[Floats, Floats], tuple[Floats, Floats]] | None],
+    doubt: float = 0.0,
 ) -> str | None:
-    """Say how the answers differ, None when they do not; `outputs` runs both over the same fresh data."""
+    """Say how the answers differ, None when they do not; `outputs` runs both over the same fresh data.
+
+    An answer that says that it is borderline may be another one, and outputs may differ by a doubt that is stated.
+    """
     both = outputs()
+    if both is None and all("borderline" in verdict for verdict in verdicts):
+        return None
     if both is None:
         return f"in other units: {verdicts[1]} | here: {verdicts[0]}"
     difference = apart(*both, twin)
-    return f"outputs differ by {difference:.1e} in other units: {verdicts[0]}" if difference > _SAME else None
+    return (
+        f"outputs differ by {difference:.1e} in other units: {verdicts[0]}" if difference > max(_SAME, doubt) else None
+    )
 
 
 def _four(units: Units) -> tuple[Floats, Floats, Floats, Floats]:

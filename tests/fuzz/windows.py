@@ -44,7 +44,7 @@ def try_windows(kind: str, seed: int) -> Result:
     n, _, m_d, p = plant.sizes
     rows = max((past + 1) * m_d + (past + future) * p, n + (past + future) * m_d)
     recording = draw_recording(generator, plant, Needs(columns=rows, shortest=past + future))
-    truth = window_truth(plant, recording, past, future)
+    truth = window_truth(plant, recording, past, future, chosen=bool(options))
     if not options:
         longer = window_truth(plant, recording, max(_PAST, n), max(_PAST, n + 1))
         truth = truth if truth.answer is longer.answer else replace(truth, answer=Answer.OPEN)
@@ -70,7 +70,7 @@ def all_unknown(plant: Plant) -> Plant:
     )
 
 
-def window_truth(plant: Plant, recording: Recording, past: int, future: int) -> Truth:
+def window_truth(plant: Plant, recording: Recording, past: int, future: int, *, chosen: bool = False) -> Truth:
     """Condition (8) of I on the true plant, its zeros on the observable part, and the excitation of the windows."""
     data = _evidence(plant, recording, past + future)
     Theta, T = _window(plant, past + future)
@@ -84,7 +84,7 @@ def window_truth(plant: Plant, recording: Recording, past: int, future: int) -> 
     kernel /= max(1.0, float(np.linalg.norm(now, 2)))
     if kernel < 1e-10:
         return judged_margin(data, Answer.NO, 1.0, "condition (8) fails")
-    if past <= _lag(plant):
+    if chosen and past <= _lag(plant):
         return judged_margin(data, Answer.NO, 1.0, f"past is not longer than the lag {_lag(plant)}")
     V, margin = _observable(plant)
     zeros = zero_margins(V.T @ plant.A @ V, V.T @ plant.E, plant.C @ V, plant.G, 1.0)
