@@ -28,7 +28,7 @@ _NOTHING = 1e-15  # relative: what moves less moves by rounding alone
 _SPARE = 2  # columns beyond the directions that exact data seem to show, at least
 _SPARE_NOISY = 4  # the same where noise has to be told from signal
 _EXACT_GAP = 1e2  # exact data leave many decades between what is excited and what is rounding
-_LOST = 30.0  # how many times its rounding a subspace may be wrong by
+LOST = 30.0  # how many times its rounding a subspace may be wrong by
 _KNOWN_GAP = 3.0  # below it the directions of the known unknown inputs are mixed with noise
 _SEARCHED_GAP = 100.0  # a gap that has to be found, not only confirmed: random plants show tenfold gaps by chance
 _ABOVE_NOISE = 1.2  # noise alone moves every direction of the states by 1 +- sqrt(n / N)
@@ -83,7 +83,7 @@ class RankDecision:
     def tilt(self) -> float:
         """How far rounding alone may tilt the subspace that the record spans."""
         least = min(1.0, max(self.weakest, np.finfo(float).tiny), float(self.excitation[-1]))
-        return _LOST * self.rounding / least
+        return LOST * self.rounding / least
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

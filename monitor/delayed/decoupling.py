@@ -153,9 +153,10 @@ def _gains(model: Model, window: Window, rank: int) -> _Gains:
 def _ranks(model: Model, longest: int, tolerance: float) -> tuple[list[int], str]:
     """Rank of Gamma_0, Gamma_1, … up to the first that suffices, and a word when one of them is in doubt."""
     ranks, doubt = [0], ""
+    reach = float(np.linalg.norm(np.hstack([model.C, model.D]), 2))  # of an input that moves state and outputs by 1
     for delay in range(longest + 1):
         values = np.linalg.svd(window_of(model, delay).Gamma, compute_uv=False)
-        share = values / max(float(np.max(values, initial=0.0)), _ROUNDING)
+        share = values / max(float(np.max(values, initial=0.0)), reach, _ROUNDING)
         ranks.append(int(np.count_nonzero(share > tolerance)))
         weak = share[(share > _ROUNDING) & (share < max(_AMBIGUOUS, 10.0 * tolerance))]
         if len(weak) and not doubt:
@@ -176,7 +177,7 @@ def _stabilise(A: NDArray[np.float64], C: NDArray[np.float64], tolerance: float)
     if not C.size or np.max(np.abs(C)) <= _RANK:
         return np.zeros((len(A), len(C)))
     left, values, right = np.linalg.svd(C, full_matrices=False)
-    rank = int(np.count_nonzero(values > _RANK * np.max(values, initial=_RANK)))
+    rank = int(np.count_nonzero(values > tolerance * np.max(values, initial=_RANK)))
     hidden = unobservable(A, right[:rank], tolerance)
     if hidden.shape[1]:
         seen = canonical_basis(np.eye(len(A)) - hidden @ hidden.T, len(A) - hidden.shape[1])

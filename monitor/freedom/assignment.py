@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 _DEFAULT_DECAY = 0.5
 _RANK = 1e-9  # relative: a row of N_x below is rounding
-_PLACED = 1e-3  # poles this far from where they should be are not placed
+_PLACED = 5e-5  # poles this far from where they should be are not placed
 _EQUAL = 1e-9  # relative: a mode at the decay itself is within it
 _TIES = 6  # digits
 _CANDIDATES = 60  # choices of eigenvectors that are compared

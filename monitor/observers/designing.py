@@ -19,7 +19,7 @@ from monitor.observer import Design
 from monitor.options import STRICT
 from monitor.output_map import Misfit, identify_output_map
 from monitor.proof import SIGMAS, Allowance, hold_back, leverage, noise, of_their_size, prove, rounding, stretches
-from monitor.rank import RankBasis, RankOptions, decide_rank
+from monitor.rank import LOST, RankBasis, RankOptions, decide_rank
 from monitor.scaling import norms, spreads
 from monitor.sight import measure_dynamics, measure_residual, noise_covariance
 from monitor.subspace import Method, averaged, span
@@ -230,6 +230,12 @@ def _checked(draft: Certificate, options: DesignOptions, solution: _Solution) ->
     draft = replace(draft, residual=residual, proof=proof)
     if not proof.holds:
         return _refuse(draft, proof.refusal())
+    if solution.exact and proof.hardly > _TILTED:
+        return _refuse(
+            draft,
+            f"borderline: rounding of the samples may leave {proof.hardly:.1g} of the spread in the estimate, it is "
+            "amplified that much; ask for another decay or strategy, measure more outputs, or excite more",
+        )
     if residual.blind and not options.allow_blind:
         return _refuse(draft, blind_reason(data))
     certificate = replace(draft, accepted=True, verdict=accepted(data, dynamics, residual, proof) + solution.notes)
@@ -259,8 +265,10 @@ def _proved(solution: _Solution, options: DesignOptions, data: DataReport) -> Pr
             stated = Allowance(error=np.sqrt(levels[:n]) + std, residual=np.sqrt(levels[n:]), basis="that stated")
         allowed = noise(fitted, rank, allowed, stated)
     scales = (units.spread.x, units.spread.y)
-    unseen = of_their_size(unseen) if solution.exact else unseen
-    return prove(unseen, allowed, scales, spare_columns=data.columns - rank, hardly=solution.hardly)
+    hardly = solution.hardly
+    if solution.exact:
+        unseen, hardly = of_their_size(unseen), max(hardly, LOST * tolerance * (1.0 + gain))
+    return prove(unseen, allowed, scales, spare_columns=data.columns - rank, hardly=hardly)
 
 
 def _transient(observer: LinearObserver, steps: int) -> float:
