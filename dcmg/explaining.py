@@ -10,6 +10,7 @@ import numpy as np
 
 from bags.mcap.errors import BagError
 from dcmg.certificate_view import view
+from dgu_sim.attacks.wording import parameter_words
 from dgu_sim.relay import Action
 from monitor.detectors.protocol import Phase
 
@@ -260,9 +261,8 @@ def _attacks(events: Sequence[RelayEvent], link: Link, step: int, period_sec: fl
             continue
         if event.step - near <= step and (end is None or step <= end + near):
             until = "the end of the run" if end is None else f"{end * period_sec:g} s"
-            lines.append(
-                f"{event.kind} {event.parameters} from {event.step * period_sec:g} s to {until} ({event.origin.value})"
-            )
+            how = ", ".join((event.kind, *parameter_words(event.parameters)))
+            lines.append(f"{how}, from {event.step * period_sec:g} s to {until} ({event.origin.value})")
     return tuple(lines)
 
 

@@ -1,6 +1,5 @@
 """The report as one HTML file that opens without a network."""
 
-import json
 from collections.abc import Mapping
 from importlib import resources
 from typing import Any
@@ -18,6 +17,7 @@ from bags.reporting.timeline import Timeline
 from bags.reporting.topology import SIZE, drawing
 from bags.reporting.wording import NOTHING, interval, number, share
 from dgu_sim.attacks.techniques import techniques_of
+from dgu_sim.attacks.wording import parameter_words
 
 
 def page(timeline: Timeline, assessment: Assessment) -> str:
@@ -56,11 +56,7 @@ def resource(name: str) -> str:
 
 def _words(parameters: str) -> str:
     """Parameters of an attack (JSON) on one line."""
-    try:
-        document = json.loads(parameters or "{}")
-    except ValueError:
-        return parameters
-    return ", ".join(f"{key} {value}" for key, value in document.items() if value is not None)
+    return ", ".join(parameter_words(parameters))
 
 
 def _techniques(kind: str) -> str:

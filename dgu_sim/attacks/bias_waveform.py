@@ -18,7 +18,11 @@ _COLUMNS = ("voltage_v", "current_a", "integral_vs")
 
 @final
 class BiasWaveform(Table, Profile):
-    """phi = scale * (row of the table), times since the attack's start; a component without a column stays 0."""
+    """phi = scale * (row of the table), times since the attack's start; a component without a column stays 0.
+
+    Instead of the lists, a scenario and `dcmg attack start` take a CSV file: `file`, and `columns` where its header has
+    other names than these.
+    """
 
     voltage_v: tuple[Number, ...] = Field(default=(), description="phi for V at each time [V].")
     current_a: tuple[Number, ...] = Field(default=(), description="phi for I_t at each time [A].")

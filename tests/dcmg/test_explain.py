@@ -37,7 +37,7 @@ def test_the_first_alarm_is_explained_by_the_residual_of_the_record() -> None:
     assert max(one.ratio for one in found.components) > 1.0
     assert [one["ratio"] is not None and one["ratio"] < 1.0 for one in found.before] == [True] * 5
     assert "alarm, by residual of the link's observer" in found.conclusion
-    assert any(line.startswith('bias {"bias": [0.1, 0.1, 0.1]} from 1 s to 1.4 s') for line in found.attacks)
+    assert any(line.startswith("bias, bias 0.1 0.1 0.1, from 1 s to 1.4 s") for line in found.attacks)
 
 
 def test_no_alarm_is_explained_too() -> None:

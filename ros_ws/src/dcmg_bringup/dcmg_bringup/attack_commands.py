@@ -12,11 +12,10 @@ from dcmg.attack_words import parse_link, parse_order
 from dcmg.tabular import tabulate
 from dcmg_bringup.attack_client import attack_client
 from dgu_sim.attacks import KINDS
+from dgu_sim.attacks.wording import parameter_words
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
-
-_MOST_SHOWN = 6  # longer lists are tables from files
 
 start_app = typer.Typer(add_completion=False, rich_markup_mode="markdown")
 
@@ -93,14 +92,8 @@ def list_(*, domain: Domain = None, json: Json = False) -> None:
 
 def _row(attack: Mapping[str, Any]) -> tuple[str, ...]:
     """An attack as the cells of the list: its parameters one a line, times in seconds."""
-    parameters = "\n".join(f"{name} {_value(value)}" for name, value in attack["parameters"].items())
+    parameters = "\n".join(parameter_words(attack["parameters"]))
     until = "stopped" if attack["stop_sec"] is None else f"{attack['stop_sec']:g}"
     state = "active" if attack["active"] else "scheduled"
     start = f"{attack['start_sec']:g}"
     return (str(attack["attack"]), attack["link"], attack["kind"], parameters, start, until, state, attack["origin"])
-
-
-def _value(value: object) -> str:
-    if not isinstance(value, list):
-        return str(value)
-    return " ".join(map(str, value)) if len(value) <= _MOST_SHOWN else f"{len(value)} values"
