@@ -177,7 +177,7 @@ class Mapping(Frozen):
         return None if self.sampling_period_sec is None else round(self.sampling_period_sec * 1e9)
 
 
-def load_mapping(path: Path) -> Mapping:
+def load_mapping(path: Path | str) -> Mapping:
     """Read and check a mapping file.
 
     Raises:
@@ -186,12 +186,13 @@ def load_mapping(path: Path) -> Mapping:
     return mapping_of(load_data(path), str(path))
 
 
-def load_data(path: Path) -> dict[str, Any]:
+def load_data(path: Path | str) -> dict[str, Any]:
     """The plain data of a mapping file, unchecked.
 
     Raises:
         BagError: It cannot be read or is no YAML mapping.
     """
+    path = Path(path)
     try:
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:

@@ -180,7 +180,7 @@ class Bag:
                     yield channel_id, chunk
 
 
-def open_bag(path: Path) -> Bag:
+def open_bag(path: Path | str) -> Bag:
     """Open a closed bag: reads metadata.yaml, the summaries and the attachments.
 
     Args:
@@ -189,6 +189,7 @@ def open_bag(path: Path) -> Bag:
     Raises:
         BagError: Not a bag, not closed, or damaged: one line.
     """
+    path = Path(path)
     container = open_container(path)
     counts = container.counts
     topics = {

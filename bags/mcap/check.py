@@ -103,7 +103,7 @@ class CheckReport:
         }
 
 
-def check(path: Path) -> CheckReport:
+def check(path: Path | str) -> CheckReport:
     """Go through a bag, or one MCAP file, from its first byte to its last.
 
     Args:
@@ -112,7 +112,7 @@ def check(path: Path) -> CheckReport:
     Raises:
         BagError: There is nothing to check.
     """
-    damages: list[Damage] = []
+    path, damages = Path(path), list[Damage]()
     checks = [_File(file).run(damages) for file in mcap_files(path)]
     if path.is_dir():
         damages += [Damage(file=METADATA_FILE, offset=None, what=what) for what in _metadata_faults(path, checks)]

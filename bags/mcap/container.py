@@ -151,12 +151,13 @@ class Container:
                     yield summary.channels, _view(source, entry, indexes, wanted)
 
 
-def open_container(path: Path) -> Container:
+def open_container(path: Path | str) -> Container:
     """Open a bag: read metadata.yaml, summaries and attachments.
 
     Raises:
         BagError: Not a bag, not closed properly, or damaged.
     """
+    path = Path(path)
     information = _information(path)
     if information.get("storage_identifier") != "mcap":
         raise BagError(f"{path}: storage is {information.get('storage_identifier')!r}, expected 'mcap'")

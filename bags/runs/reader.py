@@ -126,7 +126,7 @@ class Run:
         return tuple(sorted((one for one in found if start <= one.step < end), key=lambda one: one.step))
 
 
-def open_run(path: Path) -> Run:
+def open_run(path: Path | str) -> Run:
     """Open a bag that a run (in processes, composed or offline) left.
 
     Args:
@@ -135,6 +135,7 @@ def open_run(path: Path) -> Run:
     Raises:
         BagError: Not a bag, not a bag of a run, not closed, or damaged: one line.
     """
+    path = Path(path)
     container = open_container(path)
     topics = _topics_of(container)
     counts = container.counts
@@ -160,7 +161,7 @@ def open_run(path: Path) -> Run:
     )
 
 
-def read_run(path: Path) -> RunRecord:
+def read_run(path: Path | str) -> RunRecord:
     """Read a whole run into memory: about 2 kB for each step of six DGUs.
 
     Args:

@@ -32,7 +32,7 @@ from dgu_sim.settings import MonitorSettings
 from monitor.history import History
 
 
-def replay(run: RunRecord | Path, overrides: Sequence[str] = (), *, redesign: bool = False) -> RunRecord:
+def replay(run: RunRecord | Path | str, overrides: Sequence[str] = (), *, redesign: bool = False) -> RunRecord:
     """Run the monitors again, as they were designed or otherwise, and feed them what was received.
 
     Args:

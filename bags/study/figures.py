@@ -91,6 +91,8 @@ def shown(estimate: Measured) -> str:
     return f"{estimate.value:.3g} [{estimate.interval.low:.2g}, {estimate.interval.high:.2g}]"
 
 
+_LARGEST_MARK, _LEAST_MARK = 10.0, 4.0
+
 QUANTITIES: Mapping[str, tuple[str, str]] = {
     "roc": ("detected", "share of the runs detected [1]"),
     "delay": ("delay_sec", "median time to detection [s]"),
@@ -132,7 +134,15 @@ def _style(line: tuple[str, str], lines: Sequence[tuple[str, str]]) -> dict[str,
     observers, detectors = (list(dict.fromkeys(names)) for names in zip(*lines, strict=True))
     colour, dash = look(lines.index(line))[0], look(detectors.index(line[1]))[1]
     marker = MARKERS[observers.index(line[0]) % len(MARKERS)]
-    return {"color": colour, "linestyle": dash, "marker": marker, "markersize": 4.5, "linewidth": 1.2}
+    size = _LARGEST_MARK - (_LARGEST_MARK - _LEAST_MARK) * lines.index(line) / max(len(lines) - 1, 1)
+    return {
+        "color": colour,
+        "linestyle": dash,
+        "marker": marker,
+        "markersize": size,  # points on one spot stand around each other
+        "markerfacecolor": "none",
+        "linewidth": 1.2,
+    }
 
 
 def draw_panel(

@@ -66,7 +66,7 @@ def dataframe(bag: Bag, topic: str) -> Any:  # noqa: ANN401 - an optional librar
     return table(bag, topic).to_pandas()
 
 
-def dataset(run: Run | Path) -> Any:  # noqa: ANN401 - an optional library
+def dataset(run: Run | Path | str) -> Any:  # noqa: ANN401 - an optional library
     """A whole run as an `xarray.Dataset` with the dimensions step, dgu, link and component, and units.
 
     Raises:
@@ -83,7 +83,7 @@ def dataset(run: Run | Path) -> Any:  # noqa: ANN401 - an optional library
     return xarray.Dataset(variables, coords={"time": time, **_labels(opened)}, attrs=_about(opened))
 
 
-def write_netcdf(path: Path, file: Path, window_steps: int = WINDOW_STEPS) -> Path:
+def write_netcdf(path: Path | str, file: Path | str, window_steps: int = WINDOW_STEPS) -> Path:
     """Write a run as one netCDF-4 file, window by window: the data set of `dataset`, however long the run is.
 
     Args:
@@ -95,7 +95,7 @@ def write_netcdf(path: Path, file: Path, window_steps: int = WINDOW_STEPS) -> Pa
         BagError: Not a run, or one without a step; h5netcdf is not installed, or the file cannot be written.
     """
     h5netcdf = library("h5netcdf")
-    run = open_run(path)
+    run, file = open_run(path), Path(file)
     if not run.steps:
         raise BagError(f"{path}: the run has no complete step, expected at least one")
     try:

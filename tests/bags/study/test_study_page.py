@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from pyarrow import parquet
 
 from bags.study import Study, StudyCell, compare, load_study, operating_points, run_study
-from bags.study.figures import QUANTITIES, draw_panel, lines_of
+from bags.study.figures import QUANTITIES, draw_panel, handles_of, lines_of
 from bags.study.page import write_page
 
 
@@ -58,3 +58,10 @@ def test_axes_have_units_and_no_negative_times(table: pa.Table, name: str) -> No
         x, y = np.asarray(line.get_xdata(), dtype=np.float64), np.asarray(line.get_ydata(), dtype=np.float64)
         assert ((low <= x) & (x <= high)).all()
         assert (np.isnan(y) | ((least <= y) & (y <= most))).all()
+
+
+def test_points_on_one_spot_are_all_seen(table: pa.Table) -> None:
+    """Marks are hollow and of different sizes: three observers that detect at once show three of them."""
+    handles = handles_of(lines_of(operating_points(table)))
+    assert len({one.get_markersize() for one in handles}) == len(handles)
+    assert {one.get_markerfacecolor() for one in handles} == {"none"}

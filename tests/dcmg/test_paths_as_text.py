@@ -1,0 +1,49 @@
+"""Whoever works in Python gives paths as text, too: nothing but a one-line error for one that leads nowhere."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+import pytest
+
+from bags.foreign.mapping import load_mapping
+from bags.golden.runs import golden_path
+from bags.mcap.bag import open_bag
+from bags.mcap.check import check
+from bags.mcap.errors import BagError
+from bags.runs.reader import open_run, read_run
+from bags.runs.replay import replay
+from bags.study import load_study
+from bags.study.errors import StudyError
+from bags.tables.tabular import dataset
+from dcmg.shipped import scenario_path
+from dgu_sim.errors import ScenarioError
+from dgu_sim.scenario import load_scenario
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+    from pathlib import Path
+
+BAG = golden_path("biased")
+READERS: list[tuple[Callable[[str], object], Path | None]] = [
+    (load_scenario, scenario_path("gallo_six_dgu")),
+    (load_study, None),
+    (load_mapping, None),
+    (open_run, BAG),
+    (read_run, BAG),
+    (open_bag, BAG),
+    (check, BAG),
+    (dataset, BAG),
+    (replay, BAG),
+]
+
+
+@pytest.mark.parametrize(("read", "there"), READERS)
+def test_a_path_may_be_text(read: Callable[[str], object], there: Path | None, tmp_path: Path) -> None:
+    """What exists is read; what does not is named in one line."""
+    if there is not None:
+        assert read(str(there)) is not None
+    nowhere = str(tmp_path / "nowhere")
+    with pytest.raises((BagError, ScenarioError, StudyError), match="nowhere") as caught:
+        read(nowhere)
+    assert "\n" not in str(caught.value)
