@@ -11,7 +11,6 @@ from monitor.errors import HistoryError
 from monitor.history import sent_outputs
 from monitor.input_estimators.linear_estimator import LinearInputEstimator
 from monitor.input_estimators.protocol import EstimatorDesign
-from monitor.later import later
 from monitor.options import check_kind
 
 if TYPE_CHECKING:
@@ -19,11 +18,37 @@ if TYPE_CHECKING:
 
     from monitor.history import History
 
+
+# What needs scipy is imported when it is asked for: most runs design without.
+def _one_step(history: History, options: Mapping[str, object]) -> EstimatorDesign:
+    from monitor.input_estimators import one_step  # noqa: PLC0415 - heavy
+
+    return one_step.design(history, options)
+
+
+def _delayed(history: History, options: Mapping[str, object]) -> EstimatorDesign:
+    from monitor.input_estimators import delayed  # noqa: PLC0415 - heavy
+
+    return delayed.design(history, options)
+
+
+def _open_loop(history: History, options: Mapping[str, object]) -> EstimatorDesign:
+    from monitor.input_estimators.uie import design_open_loop  # noqa: PLC0415 - heavy
+
+    return design_open_loop(history, options)
+
+
+def _closed_loop(history: History, options: Mapping[str, object]) -> EstimatorDesign:
+    from monitor.input_estimators.uie import design_closed_loop  # noqa: PLC0415 - heavy
+
+    return design_closed_loop(history, options)
+
+
 KINDS: dict[str, Callable[[History, Mapping[str, object]], EstimatorDesign]] = {
-    "one_step": later("monitor.input_estimators.one_step", "design"),
-    "delayed": later("monitor.input_estimators.delayed", "design"),
-    "op_uie": later("monitor.input_estimators.uie", "design_open_loop"),
-    "cl_uie": later("monitor.input_estimators.uie", "design_closed_loop"),
+    "one_step": _one_step,
+    "delayed": _delayed,
+    "op_uie": _open_loop,
+    "cl_uie": _closed_loop,
 }
 
 

@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from monitor.backstop import guarded
 from monitor.certificate import Certificate
 from monitor.history import sent_outputs
-from monitor.later import later
 from monitor.observer import Design
 from monitor.observers import full_order, reduced_order
 from monitor.options import check_kind
@@ -19,12 +18,31 @@ if TYPE_CHECKING:
     from monitor.history import History
 
 
+# What needs scipy is imported when it is asked for: most runs design without.
+def _delayed(history: History, options: Mapping[str, object]) -> Design:
+    from monitor.observers import delayed  # noqa: PLC0415 - heavy
+
+    return delayed.design(history, options)
+
+
+def _open_loop(history: History, options: Mapping[str, object]) -> Design:
+    from monitor.observers.uie import design_open_loop  # noqa: PLC0415 - heavy
+
+    return design_open_loop(history, options)
+
+
+def _closed_loop(history: History, options: Mapping[str, object]) -> Design:
+    from monitor.observers.uie import design_closed_loop  # noqa: PLC0415 - heavy
+
+    return design_closed_loop(history, options)
+
+
 KINDS: dict[str, Callable[[History, Mapping[str, object]], Design]] = {
     full_order.KIND: full_order.design,
     reduced_order.KIND: reduced_order.design,
-    "delayed": later("monitor.observers.delayed", "design"),
-    "op_uie": later("monitor.observers.uie", "design_open_loop"),
-    "cl_uie": later("monitor.observers.uie", "design_closed_loop"),
+    "delayed": _delayed,
+    "op_uie": _open_loop,
+    "cl_uie": _closed_loop,
 }
 
 
