@@ -7,6 +7,8 @@ INTERFACES := $(wildcard $(MSGS)/msg/*.msg $(MSGS)/srv/*.srv) $(MSGS)/CMakeLists
 PROJECTS := pyproject.toml constraints.txt $(wildcard ros_ws/src/*/setup.py ros_ws/src/*/setup.cfg)
 BUILD := $(VENV)/build/dcmg_msgs
 LOWEST := tests/monitor tests/papers/test_turan_2021.py tests/papers/test_delayed.py tests/bags/test_golden.py tests/fuzz
+# Test files beside each other: one a core, four at most (a run over ROS has 15 processes).
+SIDE_BY_SIDE := --numprocesses auto --maxprocesses 4 --dist loadfile
 # What turns a folder of ROS packages into the place where CMake looks for them.
 ON_WHEELS = AMENT_PREFIX_PATH=$(abspath $(VENV)) CMAKE_PREFIX_PATH=$(abspath $(VENV))
 PYTHON_ARG = -DPython3_EXECUTABLE=$(abspath $(PY))
@@ -28,11 +30,11 @@ demo: install ## six DGUs over ROS 2, an attack and its detection (what to run f
 	@$(VENV)/bin/dcmg run gallo_six_dgu --out out/demo-$$(date +%Y%m%d-%H%M%S)
 
 test: lint ## all checks and all tests
-	@$(PY) -m pytest
+	@$(PY) -m pytest $(SIDE_BY_SIDE)
 
 coverage: install ## all tests once, and which share of the code they run (in processes of their own too)
 	@rm -f .coverage .coverage.*
-	@$(PY) -m coverage run -m pytest
+	@$(PY) -m coverage run -m pytest $(SIDE_BY_SIDE)
 	@$(PY) -m coverage combine -q && $(PY) -m coverage report
 
 lint: install ## import contracts, ruff, formatting, mypy --strict

@@ -28,8 +28,9 @@ def test_an_attack_by_hand_is_on_the_wire_and_in_the_bag(
     run.wait_until_recording()
     started = dcmg("attack", "start", "bias", "1-2", "--bias", *BIAS, "--anyway")
     assert started.code == 0, started.err
-    listed = json.loads(dcmg("attack", "list", "--json").out)
-    assert [(one["link"], one["kind"], one["active"], one["origin"]) for one in listed] == [
+    listed = dcmg("attack", "list", "--json")
+    assert listed.code == 0, listed.err
+    assert [(one["link"], one["kind"], one["active"], one["origin"]) for one in json.loads(listed.out)] == [
         ("1-2", "bias", True, "service")
     ]
     stopped = dcmg("attack", "stop", "1-2")
