@@ -188,3 +188,19 @@ def test_rows_say_what_the_alarms_say(record: RunRecord, data: st.DataObject) ->
     assert all(not row.wrongly_accused for row in found.attacks)
     assert sum(row.seen for row in found.links) == sum(row.episode.detected for row in found.attacks)
     assert not any(row.alarms for row in found.links)
+
+
+@settings(max_examples=10)
+@given(decades=st.lists(st.floats(-6.0, 6.0), min_size=4, max_size=4))
+def test_areas_do_not_depend_on_how_the_scores_of_links_compare(run: RunRecord, decades: list[float]) -> None:
+    """Links are not pooled: each area is of its own link whatever its scale, and the least is one of them."""
+    timeline = gather([run], run.steps)
+    scaled = replace(timeline, score=timeline.score * 10.0 ** np.array(decades))
+    areas = []
+    for one in (timeline, scaled):
+        found = assess(one, DEFAULTS)
+        areas.append({link.row.link: link.roc.area.value for link in found.links if link.roc is not None})
+        assert found.hardest is not None
+        assert found.hardest.roc is not None
+        assert found.hardest.roc.area.value == min(areas[-1].values())
+    assert areas[1] == pytest.approx(areas[0], abs=1e-12)
