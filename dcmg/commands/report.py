@@ -89,5 +89,6 @@ def _lines(made: Report) -> list[str]:
             lines.append(f"attacked samples with an alarm: {share(overall.rates.seen_rate.value)}")
         if (hardest := made.assessment.hardest) is not None and hardest.roc is not None:
             area, link = hardest.roc.area, hardest.row.link
-            lines.append(f"least area under a ROC: {number(area.value, 4)} {interval(area, digits=4)}, link {link}")
+            found = f"{number(area.value, 4)} {interval(area, digits=4)}".rstrip()
+            lines.append(f"least area under a ROC: {found}, link {link}")
     return [*lines, f"page: {made.html}", f"data: {made.json}"]
