@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 import time
@@ -13,6 +14,7 @@ import psutil
 import pytest
 
 from dcmg.shipped import scenario_path
+from dcmg_bringup.domain import DomainError, choose_domain, running_systems
 from dgu_sim.scenario import load_scenario
 
 if TYPE_CHECKING:
@@ -64,6 +66,12 @@ class Background:
         """The bag it writes."""
         return self.out / "bag"
 
+    @property
+    def domain(self) -> int:
+        """The ROS domain that it has chosen."""
+        (found,) = [system.domain for system in running_systems() if system.pid == self.process.pid]
+        return found
+
     def nodes(self) -> Mapping[str, psutil.Process]:
         """The node processes by the name of their node."""
         found = {}
@@ -107,6 +115,24 @@ def background_run(out: Path, *arguments: str | Path) -> Iterator[Background]:
         finally:
             if process.poll() is None:
                 process.kill()
+
+
+_FIRST_DOMAIN, _DOMAINS_PER_WORKER = 34, 17  # for four workers; `dcmg run` takes the lowest that are free
+
+
+@pytest.fixture
+def free_domain() -> int:
+    """A ROS domain that is free, and that no other worker and no run that chooses for itself takes meanwhile."""
+    worker = int(os.environ.get("PYTEST_XDIST_WORKER", "gw0").removeprefix("gw")) % 4
+    turn = time.monotonic_ns()
+    for one in range(_DOMAINS_PER_WORKER):
+        domain = _FIRST_DOMAIN + worker * _DOMAINS_PER_WORKER + (turn + one) % _DOMAINS_PER_WORKER
+        try:
+            with choose_domain(domain):
+                return domain
+        except DomainError:
+            continue
+    pytest.fail("no ROS domain is free")
 
 
 @pytest.fixture(scope="session")

@@ -26,14 +26,15 @@ def test_an_attack_by_hand_is_on_the_wire_and_in_the_bag(
     """start, list and stop act on the right samples of the right link, and the bag holds both events."""
     run = start_run(long_scenario, "--pacing", "realtime", "--composed")
     run.wait_until_recording()
-    started = dcmg("attack", "start", "bias", "1-2", "--bias", *BIAS, "--anyway")
+    here = ("--domain", run.domain)
+    started = dcmg("attack", "start", "bias", "1-2", "--bias", *BIAS, "--anyway", *here)
     assert started.code == 0, started.err
-    listed = dcmg("attack", "list", "--json")
+    listed = dcmg("attack", "list", "--json", *here)
     assert listed.code == 0, listed.err
     assert [(one["link"], one["kind"], one["active"], one["origin"]) for one in json.loads(listed.out)] == [
         ("1-2", "bias", True, "service")
     ]
-    stopped = dcmg("attack", "stop", "1-2")
+    stopped = dcmg("attack", "stop", "1-2", *here)
     assert stopped.code == 0, stopped.err
     assert run.end(signal.SIGINT).code == 0  # that is how a run in real time ends
 
@@ -65,7 +66,7 @@ def test_wrong_attacks_are_refused_in_one_line(
         (("start", "covert", "1-2", "4-5", "9-1"), "link 9-1: expected a communication link"),
         (("stop", "1-2"), "link 1-2: no attack is active"),
     ):
-        finished = dcmg("attack", *arguments)
+        finished = dcmg("attack", *arguments, "--domain", run.domain)
         assert finished.code == 2
         assert expected in finished.err
         assert len(finished.err.strip().splitlines()) == 1

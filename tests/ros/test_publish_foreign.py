@@ -14,7 +14,6 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, W
 from rosbags.typesys import get_types_from_msg
 
 from bags.mcap.typestore import typestore
-from dcmg_bringup.domain import choose_domain
 from dcmg_nodes.foreign_types import differing_type
 
 if TYPE_CHECKING:
@@ -71,9 +70,7 @@ def _without_definitions(bag: Path) -> None:
         found.execute("UPDATE topics SET type_description_hash = ''")
 
 
-def _publish(dcmg: Callable[..., Any], bag: Path, heard: str, *options: object) -> tuple[Any, list[str]]:
-    with choose_domain() as domain:
-        pass  # free, and nobody else takes it for a second
+def _publish(dcmg: Callable[..., Any], domain: int, bag: Path, heard: str, *options: object) -> tuple[Any, list[str]]:
     environment = {**os.environ, "ROS_DOMAIN_ID": str(domain)}
     command = [sys.executable, "-c", _LISTENER, heard]
     with subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment) as listener:
@@ -88,16 +85,18 @@ def _publish(dcmg: Callable[..., Any], bag: Path, heard: str, *options: object) 
 
 
 def test_messages_that_are_compressed_each_by_itself_arrive_as_they_were_sent(
-    dcmg: Callable[..., Any], tmp_path: Path
+    dcmg: Callable[..., Any], free_domain: int, tmp_path: Path
 ) -> None:
     """Subscribers get what was recorded, not what the file made of it."""
     sent = _write(tmp_path / "bag", {"/a": KIND}, StoragePlugin.MCAP, CompressionMode.MESSAGE)
-    done, found = _publish(dcmg, tmp_path / "bag", "/a")
+    done, found = _publish(dcmg, free_domain, tmp_path / "bag", "/a")
     assert done.code == 0, done.err
     assert found == sent
 
 
-def test_what_can_be_published_is_and_the_rest_is_named(dcmg: Callable[..., Any], tmp_path: Path) -> None:
+def test_what_can_be_published_is_and_the_rest_is_named(
+    dcmg: Callable[..., Any], free_domain: int, tmp_path: Path
+) -> None:
     """No definitions, a name that ROS does not take, an uninstalled type: exit code 3, and the rest arrives."""
     topics = {"/a": KIND, "/a-b": KIND, "/own": "lab_msgs/msg/Own"}
     sent = _write(tmp_path / "bag", topics, StoragePlugin.SQLITE3, CompressionMode.NONE)
@@ -105,7 +104,7 @@ def test_what_can_be_published_is_and_the_rest_is_named(dcmg: Callable[..., Any]
     folder = tmp_path / "defined" / "geometry_msgs" / "msg"
     folder.mkdir(parents=True)
     (folder / "Vector3.msg").write_text("float64 x\nfloat64 y\nfloat64 z\n")
-    done, found = _publish(dcmg, tmp_path / "bag", "/a", "--definitions", tmp_path / "defined")
+    done, found = _publish(dcmg, free_domain, tmp_path / "bag", "/a", "--definitions", tmp_path / "defined")
     assert done.code == 3
     assert found == sent
     document = json.loads(done.out)

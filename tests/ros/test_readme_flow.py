@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 from bags.runs.reader import read_run
-from dcmg_bringup.domain import choose_domain, running_systems
+from dcmg_bringup.domain import running_systems
 from dgu_sim.relay import Origin
 
 README = Path(__file__).parents[2] / "README.md"
@@ -35,12 +35,11 @@ def commands() -> tuple[list[str], list[list[str]]]:
 
 
 def test_the_flow_by_hand(
-    commands: tuple[list[str], list[list[str]]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    commands: tuple[list[str], list[list[str]]], tmp_path: Path, monkeypatch: pytest.MonkeyPatch, free_domain: int
 ) -> None:
     """A run until Ctrl-C says its domain and obeys the one that is set; attacks reach it; the table and report come."""
     run, (start, listing, stop) = commands
-    with choose_domain() as domain:
-        pass  # free: other runs of this machine are none of this test's business
+    domain = free_domain
     monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
     monkeypatch.chdir(tmp_path)
     with subprocess.Popen(run, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:

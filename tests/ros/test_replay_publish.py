@@ -14,7 +14,7 @@ from mcap.reader import make_reader
 
 from bags.golden import golden_path
 from bags.mcap.bag import open_bag
-from dcmg_bringup.domain import choose_domain, running_systems
+from dcmg_bringup.domain import running_systems
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator, Mapping
@@ -86,13 +86,12 @@ def test_live_monitors_repeat_the_residuals(
 
 
 def test_listeners_of_any_kind_get_everything(
-    short_runs: Mapping[str, tuple[Path, Any]], dcmg: Callable[..., Any]
+    short_runs: Mapping[str, tuple[Path, Any]], dcmg: Callable[..., Any], free_domain: int
 ) -> None:
     """A subscriber with a queue of ten gets every message as fast as the player goes, from the first on, in order."""
     bag, _ = short_runs["simulated"]
     sent = _payloads(bag, "/dgu_1/output")
-    with choose_domain() as domain:
-        pass  # free, and nobody else takes it for a second
+    domain = free_domain
     with _listener(domain, len(sent)) as listener:
         chosen = ("--topics", "/dgu_1/.*", "--topics", "/clock", "--exclude", ".*/state")
         names = ("--remap", "/dgu_1/output:=/lab/output", "--wait-for", "/dgu_1/output", "--wait-for", "/clock")
@@ -107,10 +106,9 @@ def test_listeners_of_any_kind_get_everything(
     assert document["left_out"] == {}
 
 
-def test_a_replay_is_steered_from_elsewhere(dcmg: Callable[..., Any]) -> None:
+def test_a_replay_is_steered_from_elsewhere(dcmg: Callable[..., Any], free_domain: int) -> None:
     """Started paused, a replay goes on by three steps when told to, and to its end when told to."""
-    with choose_domain() as domain:
-        pass  # free, and nobody else takes it for a second
+    domain = free_domain
     bag = golden_path("biased")
     command = [
         sys.executable,

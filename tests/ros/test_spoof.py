@@ -17,7 +17,6 @@ from mcap.reader import make_reader
 from bags import golden
 from bags.runs.reader import read_run
 from bags.runs.replay import replay
-from dcmg_bringup.domain import running_systems
 from dcmg_bringup.ros_environment import ros_environment
 from dgu_sim.grid import Link
 from dgu_sim.scenario import load_scenario
@@ -90,7 +89,7 @@ def test_spoofed_by_hand_and_by_an_outsider(
     """A spoof by service steers its receiver from start to stop; a stranger's messages are told and taken by nobody."""
     run = start_run(write_scenario("duration_sec=600", "attacks=[]"), "--pacing", "realtime")
     run.wait_until_recording()
-    (domain,) = [system.domain for system in running_systems() if system.pid == run.process.pid]
+    domain = run.domain
     here = ("--domain", str(domain))
     started = dcmg("attack", "start", "spoof", "1-2", "--falsify", FALSIFY, "--anyway", *here)
     assert started.code == 0, started.err

@@ -9,8 +9,6 @@ import pytest
 import rclpy
 from dcmg_msgs.srv import StartAttack, StopAttack
 
-from dcmg_bringup.domain import running_systems
-
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from pathlib import Path
@@ -34,7 +32,7 @@ def caller(start_run: Callable[..., Any], long_scenario: Path) -> Iterator[tuple
     """A composed run and a node in its domain."""
     run = start_run(long_scenario, "--composed", "--pacing", "realtime")
     run.wait_until_recording()
-    domain = next(one.domain for one in running_systems() if one.out == str(run.out))
+    domain = run.domain
     context = rclpy.Context()
     profile = {"ROS_AUTOMATIC_DISCOVERY_RANGE": "SUBNET", "ROS_DOMAIN_ID": str(domain)}
     before = {name: os.environ.get(name) for name in profile}
