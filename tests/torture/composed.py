@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import multiprocessing
 import os
 import random
-import signal
 import time
+import traceback
 from typing import TYPE_CHECKING
 
 from bags.runs.reader import read_run
@@ -13,7 +14,7 @@ from dcmg.shipped import scenario_path
 from dcmg_bringup.run_job import RunOptions, run_job
 from dgu_sim.scenario import load_scenario
 from tests.torture.outcome import Outcome
-from tests.torture.scene import Scene, stacks, wait_until
+from tests.torture.scene import Scene, stacks
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -23,6 +24,8 @@ if TYPE_CHECKING:
 _ENDED_SEC = 60.0
 _MOST_STEPS = 40
 _FAILED, _RAISED = 1, 2
+_SERVER = multiprocessing.get_context("forkserver")
+_SERVER.set_forkserver_preload(["dcmg_bringup.run_job", __name__])
 _CHANGES = (
     "attacks=[]",
     "monitor.detector.options.settle_sec=0.0",
@@ -44,33 +47,25 @@ class _Mute:
 
 
 def composed(seed: int, folder: Path) -> Outcome:
-    """Run it in a child that is forked here, where everything but rclpy is imported."""
+    """Run it in a child of a process where everything but rclpy is imported, whatever is here."""
     steps = random.Random(seed).randint(1, _MOST_STEPS)  # noqa: S311 - no secret
     scene = Scene(folder / f"composed_{seed}")
     scene.folder.mkdir(parents=True)
     changes = ("name=composed", f"duration_sec={steps / 100.0}", *_CHANGES)
     scenario = load_scenario(scenario_path("gallo_six_dgu"), changes)
     began = time.monotonic()
-    child = os.fork()
-    if child == 0:
-        _be_the_command(scenario, scene)
-    code: list[int] = []
-
-    def ended() -> bool:
-        pid, status = os.waitpid(child, os.WNOHANG)
-        if pid:
-            code.append(os.waitstatus_to_exitcode(status))
-        return bool(pid)
-
+    child = _SERVER.Process(target=_be_the_command, args=(scenario, scene))
+    child.start()
+    child.join(_ENDED_SEC)
     broken = []
-    if not wait_until(ended, _ENDED_SEC):
+    if child.exitcode is None:
         broken = [f"not ended after {_ENDED_SEC:g} s", scene.said()[-600:], stacks(scene.processes())]
-        os.kill(child, signal.SIGKILL)
-        os.waitpid(child, 0)
+        child.kill()
+        child.join()
     seconds = time.monotonic() - began
-    if code and code[0]:
-        broken.append(f"exit code {code[0]}: {scene.said()[-600:]!r}")
-    elif code:
+    if not broken and child.exitcode:
+        broken.append(f"exit code {child.exitcode}: {scene.said()[-600:]}")
+    elif not broken:
         found = read_run(scene.folder / "out" / "bag").steps
         broken += [] if found == steps else [f"{found} of {steps} steps"]
         broken += [f"left behind: {one}" for one in scene.left()]
@@ -96,5 +91,7 @@ def _be_the_command(scenario: Scenario, scene: Scene) -> None:
             code = _FAILED
         else:
             code = 0
+    except BaseException:  # noqa: BLE001 - told, and then over
+        os.write(2, traceback.format_exc().encode())
     finally:
         os._exit(code)

@@ -20,6 +20,6 @@ def test_kills(tmp_path: Path, seed: int) -> None:
 
 
 def test_composed_starts(tmp_path: Path) -> None:
-    """Runs in one process, forked from here, end by themselves with all their steps."""
+    """Runs in one process, each in a new process, end by themselves with all their steps."""
     for seed in range(2):
         assert composed(seed, tmp_path).broken == ()
