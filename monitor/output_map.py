@@ -161,14 +161,15 @@ def _kinds(
             "consecutive samples its noise cannot be told from an unknown input that acts on it: "
             f"record {_SPARE + len(moved) - free} more"
         )
+    rest = project(regressors, left[:, : data.columns] / spread[:, None], 0.0)
+    unexplained = rest.rest - (rest.rest @ moved.T) @ moved
     for row in np.flatnonzero(something):
-        mine = project(regressors, left[row : row + 1, : data.columns] / spread[row], 0.0).rest
-        unexplained = mine - (mine @ moved.T) @ moved
-        before, after = (float(np.linalg.norm(rest)) for rest in (mine, unexplained))
+        before, after = (float(np.linalg.norm(rows[row])) for rows in (rest.rest, unexplained))
         if after * np.sqrt(free / (free - len(moved))) <= _DRIVEN * before:
             kinds[row] = Misfit.UNKNOWN_INPUT
     noisy = np.array([kind is Misfit.NOISE for kind in kinds])
-    if len(moved) < len(states.rest) and _dependent(left[noisy] / spread[noisy, None]):
+    spare = free - len(moved) - np.count_nonzero(noisy)
+    if len(moved) < len(states.rest) and spare >= _SPARE and _dependent(unexplained[noisy]):
         return [Misfit.UNKNOWN_INPUT if kind is Misfit.NOISE else kind for kind in kinds]
     return kinds
 

@@ -110,7 +110,9 @@ def noise_covariance(observer: LinearObserver, covariance: NDArray[np.float64]) 
     B, through = observer.B[:, m:], np.vstack([observer.D[:, m:], observer.J[:, m:]])
     out = np.vstack([observer.M, observer.H])
     spread = accumulated(observer.A, B @ covariance @ B.T)
-    return np.asarray(through @ covariance @ through.T + out @ spread @ out.T)
+    found = np.asarray(through @ covariance @ through.T + out @ spread @ out.T)
+    np.fill_diagonal(found, np.maximum(np.diag(found), 0.0))  # rounding may leave less than nothing
+    return found
 
 
 def _peak_of_step(

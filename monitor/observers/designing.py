@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from monitor.rank import RankDecision
     from monitor.scaling import Scaling
 
+_PLACED = 5e-5  # eigenvalues this far from where they were asked for are not there
 _SCHUR = 1.0 - 1e-9  # a spectral radius from here on is no decay
 _BAND = 1e-6  # zeros this close to the unit circle are borderline
 _CLOSE = 1e2  # times what rounding or noise explains: a decision closer than that is borderline
@@ -224,6 +225,12 @@ def _checked(draft: Certificate, options: DesignOptions, solution: _Solution) ->
         if options.strategy is Strategy.DUAL_LQR:
             stable = "a mode is hardly seen, borderline; ask for a decay nearer 1, or measure more outputs"
         return _refuse(draft, f"{name} is not stable, spectral radius {dynamics.spectral_radius:.4g}: {stable}")
+    if _is_slower(dynamics.spectral_radius, options):
+        return _refuse(
+            draft,
+            f"{options.strategy.value}: the eigenvalues cannot be placed accurately, borderline: the spectral radius "
+            f"is {dynamics.spectral_radius:.6g}, a decay of {options.decay:g} was asked for; ask for one nearer 1",
+        )
     threshold = np.array(np.broadcast_to(np.asarray(options.threshold, dtype=np.float64), (observer.outputs,)))
     residual = measure_residual(observer, threshold, units.norm.y)
     proof = _proved(solution, options, data)
@@ -240,6 +247,12 @@ def _checked(draft: Certificate, options: DesignOptions, solution: _Solution) ->
         return _refuse(draft, blind_reason(data))
     certificate = replace(draft, accepted=True, verdict=accepted(data, dynamics, residual, proof) + solution.notes)
     return Design(kind=draft.kind, observer=final, certificate=certificate)
+
+
+def _is_slower(radius: float, options: DesignOptions) -> bool:
+    """Whether rounding keeps the eigenvalues from the decay that was asked of a strategy that promises it."""
+    promised = options.strategy in {Strategy.DUAL_LQR, Strategy.POLE_PLACEMENT} and options.poles is None
+    return promised and options.decay is not None and radius > options.decay + _PLACED
 
 
 def _proved(solution: _Solution, options: DesignOptions, data: DataReport) -> Proof:
