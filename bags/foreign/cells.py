@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -13,14 +14,16 @@ from numpy.typing import NDArray
 MISSING: Final = frozenset(
     {"", "-", "--", "---", "?", ".", "na", "n/a", "#n/a", "#n/a n/a", "#na", "<na>", "null", "none", "missing", "nat"}
     | {"nan", "-nan", "nan(ind)", "-nan(ind)", "1.#ind", "-1.#ind", "1.#qnan", "-1.#qnan"}
+    | {"\\n", "n.a.", "n/d", "nil", "undefined", "undef", "(null)", "(blank)", "*", "...", "err", "error", "overflow"}
+    | {"#nv", "#n/d", "#wert!", "#bezug!", "#zahl!", "#valeur!", "#nombre!", "#valor!", "#¡valor!"}
     | {"#div/0!", "#value!", "#ref!", "#num!", "#name?", "#null!", "no data", "nodata", "bad", "bad input"}
 )
 _TRUTHS = {"true": 1.0, "false": 0.0}
-_DATE = r"\d{4}-\d{2}-\d{2}"
-_CLOCK = r"\d{2}:\d{2}(:\d{2}([.,]\d{1,9})?)?"
-_ZONE = r"(Z|[+-]\d{2}(:?\d{2})?)"
-_TIME = re.compile(rf"({_DATE}[T ]{_CLOCK} ?{_ZONE}?|{_CLOCK})")
-_ZONED = re.compile(rf"{_DATE}[T ]{_CLOCK} ?{_ZONE}")
+_TIME = re.compile(
+    r"(?:(?P<date>\d{4}-\d\d-\d\d|\d{4}/\d\d/\d\d|\d\d\.\d\d\.\d{4})(?:[T ]|$))?"
+    r"(?:(?P<hour>\d{1,2}):(?P<minute>\d\d)(?::(?P<second>\d\d)(?:[.,](?P<fraction>\d{1,9}))?)?"
+    r"(?: ?(?P<zone>Z|UTC|GMT|[+-]\d\d(?::?\d\d)?))?)?"
+)
 _SECOND_NS = 1_000_000_000
 
 
@@ -35,8 +38,8 @@ def is_number(cell: str, decimal: str) -> bool:
 
 
 def is_time(cell: str) -> bool:
-    """Whether a cell is an instant as ISO 8601 writes it, or a time of day."""
-    return bool(_TIME.fullmatch(cell.strip()))
+    """Whether a cell is an instant with year, month and day in an order that leaves no doubt, or a time of day."""
+    return _time(cell) is not None
 
 
 def numbers_of(cells: Any, decimal: str) -> tuple[NDArray[np.float64], int | None]:  # noqa: ANN401 - an Arrow array
@@ -53,45 +56,52 @@ def numbers_of(cells: Any, decimal: str) -> tuple[NDArray[np.float64], int | Non
     return _finite(found.fill_null(float("nan")).to_numpy(zero_copy_only=False)), None
 
 
-def times_of(cells: Any) -> tuple[NDArray[np.int64], int | None]:  # noqa: ANN401 - an Arrow array
+def times_of(texts: Sequence[str]) -> tuple[NDArray[np.int64], int | None]:
     """Cells as instants [ns since 1970 in UTC, or since midnight], and the row of the first one that is none."""
-    texts = [text.strip() for text in cells.to_pylist()]
-    for row, text in enumerate(texts):
+    matches = [_time(text) for text in texts]
+    found = np.empty(len(matches), dtype=np.int64)
+    for row, match in enumerate(matches):
         # with a zone and without one: who knows which of them is local time?
-        if not _TIME.fullmatch(text) or _form(text) != _form(texts[0]):
+        if match is None or _form(match) != _form(matches[0]):
             return np.empty(0, dtype=np.int64), row
-    found = np.empty(len(texts), dtype=np.int64)
-    for row, text in enumerate(texts):
         try:
-            found[row] = _instant_ns(text)
+            found[row] = _instant_ns(match)
         except (ValueError, OverflowError):
             return np.empty(0, dtype=np.int64), row
     return found, None
 
 
-def _form(text: str) -> tuple[bool, bool]:
+def _time(cell: str) -> re.Match[str] | None:
+    match = _TIME.fullmatch(cell.strip())
+    if match is None or not (match["date"] or match["hour"]) or (match["zone"] and not match["date"]):
+        return None
+    return match
+
+
+def _form(match: re.Match[str] | None) -> tuple[bool, bool]:
     """Whether an instant has a zone, and whether it has a date."""
-    return _ZONED.fullmatch(text) is not None, "-" in text[:8]
+    return (False, False) if match is None else (match["zone"] is not None, match["date"] is not None)
 
 
-def _instant_ns(text: str) -> int:
-    """An instant to the nanosecond."""
-    match = re.search(r"[.,](\d{1,9})", text)
-    fraction = int(match[1].ljust(9, "0")) if match else 0
-    whole = (text[: match.start()] + text[match.end() :] if match else text).replace(" Z", "Z").replace(" +", "+")
-    stamp = np.datetime64(0, "s")
-    if len(whole) < len("2000-01-01"):
-        hours, minutes, *seconds = (int(part) for part in whole.split(":"))
-        return (hours * 3600 + minutes * 60 + (seconds[0] if seconds else 0)) * _SECOND_NS + fraction
-    zone = re.search(_ZONE + "$", whole[10:])
-    offset = 0
-    if zone:
-        whole = whole[: len(whole) - len(zone[0])].rstrip()
-        if zone[0] != "Z":
-            digits = zone[0][1:].replace(":", "").ljust(4, "0")
-            offset = (int(digits[:2]) * 3600 + int(digits[2:]) * 60) * (-1 if zone[0][0] == "-" else 1)
-    stamp = np.datetime64(whole.replace(" ", "T"), "s")
-    return (int(stamp.astype(np.int64)) - offset) * _SECOND_NS + fraction
+def _instant_ns(match: re.Match[str]) -> int:
+    """An instant to the nanosecond.
+
+    Raises:
+        ValueError: There is no such day or time.
+    """
+    hour, minute, second = (int(match[name] or 0) for name in ("hour", "minute", "second"))
+    if hour > 23 or minute > 59 or second > 59:  # noqa: PLR2004 - a clock
+        raise ValueError(match[0])
+    seconds = hour * 3600 + minute * 60 + second
+    if match["date"]:
+        day, dot, rest = match["date"].partition(".")
+        date = "-".join([*reversed(rest.split(".")), day]) if dot else match["date"].replace("/", "-")
+        seconds += int(np.datetime64(date, "D").astype(np.int64)) * 86_400
+    zone = match["zone"] or ""
+    if zone[:1] in {"+", "-"}:
+        digits = zone[1:].replace(":", "").ljust(4, "0")
+        seconds -= (int(digits[:2]) * 3600 + int(digits[2:]) * 60) * (-1 if zone[0] == "-" else 1)
+    return seconds * _SECOND_NS + int((match["fraction"] or "0").ljust(9, "0"))
 
 
 def _one_by_one(cells: Any, decimal: str) -> tuple[NDArray[np.float64], int | None]:  # noqa: ANN401

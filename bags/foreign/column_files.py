@@ -9,8 +9,9 @@ from typing import Any, final
 import numpy as np
 from numpy.typing import NDArray
 
-from bags.foreign.cells import is_missing, is_number
+from bags.foreign.cells import is_missing, is_number, is_time, times_of
 from bags.foreign.columns import MOST_CELLS, ColumnInfo, ColumnKind, library
+from bags.foreign.units import unit_in_name
 from bags.mcap.errors import BagError
 from bags.mcap.kinds import check_regular
 
@@ -61,28 +62,38 @@ class ArrayTable:
 
     def _numbers(self, name: str, values: NDArray[Any], row: int) -> NDArray[np.float64] | NDArray[np.int64]:
         kind = values.dtype.kind
-        if kind == "M":
-            missing = np.isnat(values)
-            if missing.any():
-                raise BagError(f"column {name} holds no time in {self.where(row + int(np.flatnonzero(missing)[0]))}")
-            return values.astype("datetime64[ns]").astype(np.int64)
-        if kind == "m":
-            return values.astype("timedelta64[ns]").astype(np.int64)
+        if kind in "mM":
+            missing = np.flatnonzero(np.isnat(values))
+            if len(missing):
+                raise BagError(f"column {name} holds no time in {self.where(row + int(missing[0]))}")
+            return values.astype("datetime64[ns]" if kind == "M" else "timedelta64[ns]").astype(np.int64)
         if kind in "biuf":
             found = values.astype(np.float64)
             return np.where(np.isinf(found), np.nan, found)
+        cells = values.tolist()
+        if cells and isinstance(cells[0], str) and is_time(cells[0]):
+            return self._times(name, cells, row)
         found = np.full(len(values), np.nan)
-        for position, cell in enumerate(values.tolist()):
+        for position, cell in enumerate(cells):
             if cell is None or (isinstance(cell, str) and is_missing(cell)):
                 continue
             text = str(cell)
             if not is_number(text, "."):
                 raise BagError(
-                    f"column {name} holds {text:.40!r} in {self.where(row + position)}, expected a number, or an empty "
+                    f"column {name} holds {text!r:.40} in {self.where(row + position)}, expected a number, or an empty "
                     "cell for a missing one"
                 )
             found[position] = float({"true": "1", "false": "0"}.get(text.strip().lower(), text))
         return np.where(np.isinf(found), np.nan, found)
+
+
+    def _times(self, name: str, cells: Sequence[Any], row: int) -> NDArray[np.int64]:
+        """Instants that are written as text."""
+        texts = ["" if cell is None else str(cell) for cell in cells]
+        instants, wrong = times_of(texts)
+        if wrong is not None:
+            raise BagError(f"column {name} holds {texts[wrong]!r:.40} in {self.where(row + wrong)}, expected a time")
+        return instants
 
 
 def open_parquet(file: Path) -> ArrayTable:
@@ -208,7 +219,7 @@ def open_spreadsheet(file: Path) -> ArrayTable:
         yield {name: _sheet_values([row[names.index(name)] for row in body]) for name in wanted}
 
     columns = tuple(
-        ColumnInfo(name=name, kind=_sheet_kind([row[at] for row in body[:50]]), unit=units[at])
+        ColumnInfo(name=name, kind=_sheet_kind([row[at] for row in body[:50]]), unit=units[at] or unit_in_name(name))
         for at, name in enumerate(names)
     )
     notes = (f"{file.name}: the sheet {sheet.title} was read, {', '.join(others):.100} not",) if others else ()
@@ -292,6 +303,8 @@ def _arrow_kind(kind: Any) -> ColumnKind:  # noqa: ANN401 - idem
 def _sheet_kind(cells: Sequence[Any]) -> ColumnKind:
     there = [cell for cell in cells if cell is not None]
     if there and all(hasattr(cell, "isoformat") for cell in there):
+        return ColumnKind.TIME
+    if there and all(isinstance(cell, str) and is_time(cell) for cell in there):
         return ColumnKind.TIME
     texts = [cell for cell in there if isinstance(cell, str) and not is_missing(cell) and not is_number(cell, ".")]
     return ColumnKind.TEXT if there and len(texts) > len(there) / 2 else ColumnKind.NUMBER

@@ -111,7 +111,8 @@ def check_names(table: Table, names: Sequence[str]) -> None:
                 f"{table.file}: {there.count(name)} columns are called {name!r} (columns {places}): rename one"
             )
         if name not in there:
-            raise BagError(f"{table.file}: has no column {name!r}, found {', '.join(there):.300}")
+            alone = " alone: expected , ; | or a tab between columns" if len(there) == 1 else ""
+            raise BagError(f"{table.file}: has no column {name!r}, found {', '.join(map(repr, there)):.300}{alone}")
 
 
 def library(name: str, extra: str, what: str) -> ModuleType:

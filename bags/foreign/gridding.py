@@ -156,6 +156,8 @@ class Grid:
                 waiting, last = waiting[last:], 0
         if last:
             yield self._samples(waiting[:last])
+        self._kept = ()
+        self._recordings = ()  # of no more use, and as long as the recording
         if self.settings.policy is Policy.REFUSE:
             _check_regular(self.source, self.regularities, states[0], self.settings, self.period_ns)
 

@@ -24,6 +24,7 @@ from bags.mcap.writer import BagWriter
 from bags.mcap.yaml_text import dump
 from bags.sources.recorded import Known
 from bags.watch.histories import read_all_histories
+from bags.wire.documents import HistoryCodec
 from bags.wire.origin import MONITOR_ATTACHMENT, attach_versions
 from bags.wire.records import HistoryRecord
 from bags.wire.row import Widths
@@ -117,8 +118,8 @@ def import_histories(
     with _removed_on_failure(out), BagWriter(out, announced, custom_data=custom) as writer:
         attach_mapping(writer, mapping)
         for dgu in dict.fromkeys(one.dgu for one in mapping.histories):  # in turn: each is as long as the recording
-            for record in job.records(dgu):
-                writer.write(topics.history(dgu).topic.name, 0, topics.history(dgu).encode(record))
+            for data in job.messages(topics.history(dgu)):
+                writer.write(topics.history(dgu).topic.name, 0, data)
         report = job.report(out)
         attach_report(writer, report)
     return report
@@ -149,29 +150,32 @@ class _Histories:
     experiments: dict[int, int] = field(default_factory=dict)
     notes: list[str] = field(default_factory=list)
 
-    def records(self, dgu: int) -> Iterator[HistoryRecord]:
-        """The experiments of a DGU.
+    def messages(self, codec: HistoryCodec) -> Iterator[bytes]:
+        """The experiments of a DGU; what went into one is let go before it is written.
 
         Raises:
             BagError: As `import_histories`.
         """
         pieces: list[dict[str, NDArray[np.float64]]] = []
         for position, one in enumerate(self.mapping.histories):
-            if one.dgu == dgu:
+            if one.dgu == codec.dgu:
                 pieces += self._pieces(position, one)
-        self.experiments[dgu] = len(pieces)
-        for number, tables in enumerate(pieces):
-            record = HistoryRecord(
-                dgu=dgu,
-                experiment=number,
-                experiments=len(pieces),
-                sampling_period_sec=(self.period_ns or 0) * 1e-9,
-                **tables,
-            )
-            self.samples += len(record.y)
-            there = np.isfinite(record.y).all(axis=1) & np.isfinite(record.x).all(axis=1)
-            self.missing += int((~there).sum())
-            yield record
+        count = self.experiments[codec.dgu] = len(pieces)
+        for number in range(count):
+            yield self._message(codec, number, pieces.pop(0))
+
+    def _message(self, codec: HistoryCodec, number: int, tables: dict[str, NDArray[np.float64]]) -> bytes:
+        record = HistoryRecord(
+            dgu=codec.dgu,
+            experiment=number,
+            experiments=self.experiments[codec.dgu],
+            sampling_period_sec=(self.period_ns or 0) * 1e-9,
+            **tables,
+        )
+        self.samples += len(record.y)
+        there = np.isfinite(record.y).all(axis=1) & np.isfinite(record.x).all(axis=1)
+        self.missing += int((~there).sum())
+        return codec.encode(record)
 
     def report(self, out: Path) -> ImportReport:
         """What became of the recording."""
@@ -190,7 +194,7 @@ class _Histories:
         window = (mapping.start_sec, mapping.stop_sec)
         grid, said = job.grid(signals, window_sec=window, period_ns=self.period_ns)
         self.notes += said
-        self.period_ns = grid.period_ns
+        self.period_ns, grid.stated = grid.period_ns, self.mapping.period_ns is not None
         pieces = _experiments(grid.blocks(), mapping)
         if not pieces:
             raise BagError(f"{self.source}: histories.{position} has no two consecutive samples, expected more")

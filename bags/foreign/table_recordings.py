@@ -11,7 +11,7 @@ from bags.foreign.mapping import Mapping, Signal
 from bags.foreign.sampling import Policy
 from bags.foreign.tables import open_table
 from bags.foreign.track import Recording
-from bags.foreign.units import stated_factor
+from bags.foreign.units import LONG_TIMES, SHORT_TIMES, stated_factor
 from bags.mcap.errors import BagError
 
 _SECOND_NS = 1_000_000_000
@@ -96,7 +96,12 @@ def _stamps(
     instants = times * (factor * _SECOND_NS) + mapping.time.offset * _SECOND_NS
     wrong = np.flatnonzero(~(np.abs(instants) < 2.0**62))
     if len(wrong):
-        where = table.where(int(wrong[0]))
+        where, number = table.where(int(wrong[0])), times[wrong[0]]
+        if np.isfinite(number):
+            raise BagError(
+                f"{table.file}: column {mapping.time.field} holds {number:.15g} in {where}, which is no instant in seconds: "
+                f"expected a unit, as in --time '{mapping.time.field}*0.001' for milliseconds"
+            )
         raise BagError(f"{table.file}: column {mapping.time.field} holds no instant in {where}, expected a number")
     return np.rint(instants).astype(np.int64)
 
@@ -106,11 +111,9 @@ def _time_unit(file: Path, signal: Signal, unit: str) -> float:
     word = unit.partition(" since ")[0].strip()
     if not word or not signal.is_bare:
         return 1.0
-    known = {"seconds": "s", "second": "s", "sec": "s", "milliseconds": "ms", "microseconds": "us", "nanoseconds": "ns"}
-    word = known.get(word.lower(), word)
-    long = {"minutes": 60.0, "minute": 60.0, "min": 60.0, "hours": 3600.0, "hour": 3600.0, "h": 3600.0, "days": 86400.0}
-    if word.lower() in long:
-        return long[word.lower()]
+    word = SHORT_TIMES.get(word.lower(), word)
+    if word.lower() in LONG_TIMES:
+        return LONG_TIMES[word.lower()]
     factor = stated_factor(word) if word.endswith("s") else 0.0
     if not factor or (factor == 1.0 and word != "s"):
         raise BagError(

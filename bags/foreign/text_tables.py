@@ -21,6 +21,7 @@ from bags.foreign.cells import (
     times_of,
 )
 from bags.foreign.columns import ColumnInfo, ColumnKind
+from bags.foreign.units import unit_in_name
 from bags.mcap.errors import BagError
 from bags.mcap.kinds import check_regular
 
@@ -88,7 +89,7 @@ class TextTable:
                 info = self.columns[position]
                 values: NDArray[np.float64] | NDArray[np.int64]
                 if info.kind is ColumnKind.TIME:
-                    values, wrong = times_of(cells)
+                    values, wrong = times_of(cells.to_pylist())
                 else:
                     values, wrong = numbers_of(cells, self.dialect.decimal)
                 if wrong is not None:
@@ -214,7 +215,7 @@ def open_text(file: Path) -> TextTable:
         ColumnInfo(
             name=name,
             kind=_kind([row[position] for row in values if position < len(row)], decimal),
-            unit=units[position],
+            unit=units[position] or unit_in_name(name),
         )
         for position, name in enumerate(names)
     )

@@ -1,12 +1,35 @@
 """Units of foreign numbers, with their value in SI units."""
 
 import re
+from typing import Final
 
 from bags.mcap.errors import BagError
 
 _PREFIXES = {"n": 1e-9, "u": 1e-6, "µ": 1e-6, "m": 1e-3, "": 1.0, "k": 1e3, "M": 1e6}
 _BASES = ("V s", "V*s", "Vs", "Wb", "V", "A", "s", "W", "Ohm", "1")
 _UNIT = re.compile(f"({'|'.join(_PREFIXES)})({'|'.join(re.escape(base) for base in _BASES)})")
+
+
+# of clocks, beside s and its prefixes
+LONG_TIMES: Final = {"minutes": 60.0, "minute": 60.0, "min": 60.0, "hours": 3600.0, "hour": 3600.0, "h": 3600.0, "days": 86400.0}
+SHORT_TIMES: Final = {
+    "seconds": "s",
+    "second": "s",
+    "sec": "s",
+    "milliseconds": "ms",
+    "msec": "ms",
+    "microseconds": "us",
+    "nanoseconds": "ns",
+}
+_IN_NAME = re.compile(r".*?[\[(]([^\[\]()]+)[\])]\s*")
+
+
+def unit_in_name(name: str) -> str:
+    """The unit behind a column's name, as in `V [mV]` or `t (min)`; "" unless it is one that is known."""
+    match = _IN_NAME.fullmatch(name)
+    word = match[1].strip() if match else ""
+    known = word != "1" and (_UNIT.fullmatch(word) or word.lower() in LONG_TIMES or word.lower() in SHORT_TIMES)
+    return word if known else ""
 
 
 def factor_of(unit: str) -> float:
