@@ -86,7 +86,6 @@ class ArrayTable:
             found[position] = float({"true": "1", "false": "0"}.get(text.strip().lower(), text))
         return np.where(np.isinf(found), np.nan, found)
 
-
     def _times(self, name: str, cells: Sequence[Any], row: int) -> NDArray[np.int64]:
         """Instants that are written as text."""
         texts = ["" if cell is None else str(cell) for cell in cells]

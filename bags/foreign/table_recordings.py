@@ -99,7 +99,7 @@ def _stamps(
         where, number = table.where(int(wrong[0])), times[wrong[0]]
         if np.isfinite(number):
             raise BagError(
-                f"{table.file}: column {mapping.time.field} holds {number:.15g} in {where}, which is no instant in seconds: "
+                f"{table.file}: column {mapping.time.field} holds {number:.15g} in {where}, no instant in seconds: "
                 f"expected a unit, as in --time '{mapping.time.field}*0.001' for milliseconds"
             )
         raise BagError(f"{table.file}: column {mapping.time.field} holds no instant in {where}, expected a number")

@@ -11,7 +11,15 @@ _UNIT = re.compile(f"({'|'.join(_PREFIXES)})({'|'.join(re.escape(base) for base 
 
 
 # of clocks, beside s and its prefixes
-LONG_TIMES: Final = {"minutes": 60.0, "minute": 60.0, "min": 60.0, "hours": 3600.0, "hour": 3600.0, "h": 3600.0, "days": 86400.0}
+LONG_TIMES: Final = {
+    "minutes": 60.0,
+    "minute": 60.0,
+    "min": 60.0,
+    "hours": 3600.0,
+    "hour": 3600.0,
+    "h": 3600.0,
+    "days": 86400.0,
+}
 SHORT_TIMES: Final = {
     "seconds": "s",
     "second": "s",
