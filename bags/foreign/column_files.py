@@ -10,14 +10,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bags.foreign.cells import is_missing, is_number, is_time, times_of
-from bags.foreign.columns import MOST_CELLS, ColumnInfo, ColumnKind, library
+from bags.foreign.columns import ColumnInfo, ColumnKind, library, most_cells
 from bags.foreign.units import unit_in_name
 from bags.mcap.errors import BagError
 from bags.mcap.kinds import check_regular
 
 _ROWS = 65_536
 _MOST_ROWS = 1 << 20  # of a spreadsheet
+_MOST_SHEET_CELLS = 2_500_000  # each is an object
 _MATRIX = 2  # dimensions
+_MOST_COLUMNS = 1000  # of a matrix
 
 
 @final
@@ -107,8 +109,7 @@ def open_parquet(file: Path) -> ArrayTable:
         schema, rows = opened.schema_arrow, opened.metadata.num_rows
 
     def read(names: Sequence[str]) -> Iterator[Mapping[str, NDArray[Any]]]:
-        if rows * len(names) > max(MOST_CELLS, file.stat().st_size):
-            raise BagError(f"holds {rows} rows, expected at most {MOST_CELLS // max(len(names), 1)}: cut it up")
+        _check_cells(rows * len(names), file)
         for batch in opened.iter_batches(batch_size=_ROWS, columns=list(names)):
             yield {name: _arrow_values(batch.column(name)) for name in names}
 
@@ -124,10 +125,14 @@ def open_hdf5(file: Path) -> ArrayTable:
     """
     h5py = library("h5py", "tables", "HDF5")
     found: list[tuple[ColumnInfo, str, int | None]] = []
+    left_out: list[str] = []
     matlab = file.suffix.lower() == ".mat"
 
     def visit(name: str, node: Any) -> None:  # noqa: ANN401 - h5py ships no types
-        if not isinstance(node, h5py.Dataset) or node.dtype.kind not in "biuf" or name.startswith("#refs#"):
+        if not isinstance(node, h5py.Dataset) or name.startswith("#refs#"):
+            return
+        left_out.extend(_no_columns(name, node.dtype.kind, node.shape))
+        if node.dtype.kind not in "biuf":
             return
         unit = _text(node.attrs.get("units", node.attrs.get("unit", "")))
         # MATLAB stores the transpose: what it calls a column of n numbers is 1 x n here
@@ -148,7 +153,7 @@ def open_hdf5(file: Path) -> ArrayTable:
                 part[name] = node[()].ravel() if place is None else node[place, :] if matlab else node[:, place]
             yield part
 
-    return _arrays(file, [info for info, _, _ in found], read)
+    return _arrays(file, [info for info, _, _ in found], read, left_out)
 
 
 def open_netcdf3(file: Path) -> ArrayTable:
@@ -196,7 +201,7 @@ def open_spreadsheet(file: Path) -> ArrayTable:
         sheet = book.worksheets[0]
         rows: list[tuple[Any, ...]] = []
         for number, row in enumerate(sheet.iter_rows(values_only=True)):
-            if number > _MOST_ROWS or number * len(row) > MOST_CELLS // 10:
+            if number > _MOST_ROWS or number * len(row) > _MOST_SHEET_CELLS:
                 raise BagError(f"{file}: holds more than {number} rows, expected fewer: save it as CSV")
             rows.append(row)
         others = [one.title for one in book.worksheets[1:]]
@@ -228,7 +233,9 @@ def open_spreadsheet(file: Path) -> ArrayTable:
 
 def _of_arrays(file: Path, arrays: Mapping[str, NDArray[Any]], units: Mapping[str, str]) -> ArrayTable:
     found: dict[str, tuple[ColumnInfo, NDArray[Any], int | None]] = {}
+    left_out: list[str] = []
     for name, values in arrays.items():
+        left_out.extend(_no_columns(name, values.dtype.kind, values.shape))
         if values.dtype.kind in "biuf":
             for info, place in _columns_of(name, values.shape, units.get(name, "")):
                 found[info.name] = info, values, place
@@ -237,15 +244,30 @@ def _of_arrays(file: Path, arrays: Mapping[str, NDArray[Any]], units: Mapping[st
         taken = {name: found[name] for name in names}
         yield {name: values.ravel() if at is None else values[:, at] for name, (_, values, at) in taken.items()}
 
-    return _arrays(file, [info for info, _, _ in found.values()], read)
+    return _arrays(file, [info for info, _, _ in found.values()], read, left_out)
 
 
 def _arrays(
-    file: Path, columns: Sequence[ColumnInfo], read: Callable[[Sequence[str]], Iterator[Mapping[str, NDArray[Any]]]]
+    file: Path,
+    columns: Sequence[ColumnInfo],
+    read: Callable[[Sequence[str]], Iterator[Mapping[str, NDArray[Any]]]],
+    left_out: Sequence[str],
 ) -> ArrayTable:
+    told = f": {', '.join(left_out):.300}" if left_out else ""
     if not columns:
-        raise BagError(f"{file}: holds no array of numbers, expected some")
-    return ArrayTable(file=file, columns=tuple(columns), rows=-1, _read=read)
+        raise BagError(f"{file}: holds no array of numbers, expected some{told}")
+    notes = (f"{file.name}: left out{told}",) if left_out else ()
+    return ArrayTable(file=file, columns=tuple(columns), rows=-1, notes=notes, _read=read)
+
+
+def _no_columns(name: str, kind: str, shape: Sequence[int]) -> Iterator[str]:
+    """What an array is that is neither columns nor a single number."""
+    if kind not in "biuf":
+        yield f"{name} (no numbers)"
+    elif len(shape) > _MATRIX:
+        yield f"{name} ({len(shape)} dimensions)"
+    elif len(shape) == _MATRIX and 1 not in shape and shape[1] > _MOST_COLUMNS:
+        yield f"{name} ({shape[1]} columns)"
 
 
 def _columns_of(name: str, shape: Sequence[int], unit: str) -> Iterator[tuple[ColumnInfo, int | None]]:
@@ -254,7 +276,7 @@ def _columns_of(name: str, shape: Sequence[int], unit: str) -> Iterator[tuple[Co
         if max(shape) > 1:  # a single number is a parameter, no column
             yield ColumnInfo(name=name, kind=ColumnKind.NUMBER, unit=unit), None
     elif len(shape) == _MATRIX:
-        for place in range(min(shape[1], 1000)):
+        for place in range(shape[1] if shape[1] <= _MOST_COLUMNS else 0):
             yield ColumnInfo(name=f"{name}[{place}]", kind=ColumnKind.NUMBER, unit=unit), place
 
 
@@ -327,8 +349,8 @@ def _text(value: Any) -> str:  # noqa: ANN401 - whatever an attribute holds
 
 
 def _check_cells(cells: int, file: Path) -> None:
-    if cells > max(MOST_CELLS, file.stat().st_size):
-        raise BagError(f"holds {cells} cells in these columns, expected at most {MOST_CELLS}: cut it up")
+    if cells > (most := most_cells(file)):
+        raise BagError(f"holds {cells} cells in these columns, expected at most {most}: cut it up")
 
 
 @contextmanager

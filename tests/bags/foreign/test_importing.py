@@ -285,7 +285,7 @@ def test_unknown_type_is_named(tmp_path: Path) -> None:
         ("t,V\n0,1\n1,x\n", "column V holds 'x' in line 3, expected a number"),
         ("t,V\n0,1\n,2\n", "column t holds no instant in line 3"),
         ("t,V\n0,1\n1\n", "line 3 has 1 cells, expected 2"),
-        ("t,W\n0,1\n1,2\n", "has no column 'V', found t, W"),
+        ("t,W\n0,1\n1,2\n", "has no column 'V', found 't', 'W'"),
         ("t,V\n", "holds 0 rows"),
         ("t,V\n0,1\n", "holds 1 messages with 1 instants"),
         ("", "is an empty file"),

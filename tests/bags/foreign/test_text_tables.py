@@ -123,6 +123,18 @@ def test_tables_of_libraries(tmp_path: Path) -> None:
         found = read_columns(open_table(tmp_path / name), ["t", "V"])
         np.testing.assert_array_equal(found["t"], t, err_msg=name)
         np.testing.assert_array_equal(found["V"], V, err_msg=name)
+    with h5py.File(tmp_path / "lab.h5", "a") as out:
+        out["cube"], out["name"], out["both"] = np.zeros((2, 3, 4)), "lab", np.stack([t, V], axis=1)
+    scipy.savemat(
+        tmp_path / "lab.mat", {"t": t, "cube": np.zeros((2, 3, 4)), "name": "lab", "s": {"V": V, "gain": 2.0}}
+    )
+    for name, known in (("lab.h5", ["V", "both[0]", "both[1]", "t"]), ("lab.mat", ["s.V", "t"])):
+        table = open_table(tmp_path / name)
+        assert sorted(one.name for one in table.columns) == known
+        (note,) = table.notes
+        assert note.startswith(f"{name}: left out: ")
+        assert "cube (3 dimensions)" in note
+        assert "name (no numbers)" in note
     (tmp_path / "lab.pkl").write_bytes(b"x")
     with pytest.raises(BagError, match="not supported: a pickle runs code"):
         open_table(tmp_path / "lab.pkl")
