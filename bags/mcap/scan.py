@@ -93,14 +93,16 @@ def read_chunk(source: FileBytes, start: int, limit: int, index: ChunkEntry | No
     opcode, length, start_ns, end_ns, size, crc, letters = _CHUNK_FIELDS.unpack_from(head)
     fields = (opcode, length, start_ns, end_ns, size)
     tries: list[tuple[str, int, int]] = []
-    if index is not None:
-        end = start + index.length
-        tries.append((index.compression, end - index.compressed_size, end))
     if letters in _NAMES:
         at = start + _CHUNK_FIELDS.size + letters + 8
         (inner,) = struct.unpack("<Q", source.read(at - 8, 8).ljust(8, b"\xff"))
         ends = (start + FRAME + length, at + inner) if crc else (start + FRAME + length,)
         tries += [(_NAMES[letters], at, end) for end in dict.fromkeys(ends)]
+    if index is not None:
+        end = start + index.length
+        of_index = (index.compression, end - index.compressed_size, end)
+        # what a record says of its own end twice comes first: an index can be that of a chunk which stood here before
+        tries.insert(1 if len(tries) == 1 else 0, of_index)
     for compression, at, end in tries:
         if not start < at <= end <= limit:
             continue

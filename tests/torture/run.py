@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from tests.torture.composed import composed
+from tests.torture.damaged import damaged
 from tests.torture.kills import killed
 
 if TYPE_CHECKING:
@@ -21,6 +22,7 @@ if TYPE_CHECKING:
 KINDS: Mapping[str, Callable[[int, Path], Outcome]] = {
     "kills": killed,
     "composed": composed,
+    "bags": damaged,
 }
 
 
