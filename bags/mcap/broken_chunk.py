@@ -2,12 +2,13 @@
 
 import struct
 
+import numpy as np
 from mcap.opcode import Opcode
 
 from bags.mcap.chunk import MESSAGE_HEAD
 from bags.mcap.expand import MAX_CHUNK_BYTES, expand_prefix
 from bags.mcap.file_bytes import FileBytes
-from bags.mcap.messages import MessageTable, select, walk
+from bags.mcap.messages import MessageTable, chosen, walk
 
 _HEAD = struct.Struct("<BQQQQII")
 _NAMES = {b"": "", b"lz4": "lz4", b"zstd": "zstd"}
@@ -41,6 +42,6 @@ def rest_of(source: FileBytes, start: int) -> tuple[bytes, MessageTable] | None:
     ):
         sequence = MESSAGE_HEAD.unpack_from(content, first)[3]
         if not start_ns <= time <= end_ns or sequence != sequences.get(channel_id, sequence - 1) + 1:
-            return content, select(table, position)
+            return content, chosen(table, np.arange(len(table)) < position)
         sequences[channel_id] = sequence
     return content, table

@@ -69,13 +69,13 @@ def walk(content: bytes) -> MessageTable:
     return _table(content, np.array(starts, dtype=np.int64), np.array(ends, dtype=np.int64), definitions, at == size)
 
 
-def select(table: MessageTable, count: int) -> MessageTable:
-    """The first messages of a table."""
+def chosen(table: MessageTable, rows: NDArray[np.bool_]) -> MessageTable:
+    """Some messages of a table."""
     return MessageTable(
-        starts=table.starts[:count],
-        ends=table.ends[:count],
-        channel_ids=table.channel_ids[:count],
-        log_times=table.log_times[:count],
+        starts=table.starts[rows],
+        ends=table.ends[rows],
+        channel_ids=table.channel_ids[rows],
+        log_times=table.log_times[rows],
         definitions=table.definitions,
         whole=False,
     )

@@ -81,21 +81,29 @@ class Proofs:
 
     def expect(self, channel: Channel, schema: Schema | None) -> None:
         """From now on read the messages of a channel, if anybody can."""
-        if not self.needed or schema is None or channel.message_encoding != CDR:
-            return
-        with suppress(BagError, UnicodeDecodeError):  # service events: nobody reads them
-            self._readers[channel.id] = decoder_of(_definition(schema)).read
-            self._topics[channel.id] = channel.topic
+        self._topics[channel.id] = channel.topic
+        if schema is not None and channel.message_encoding == CDR:
+            with suppress(BagError, UnicodeDecodeError):  # service events: nobody reads them
+                self._readers[channel.id] = decoder_of(_definition(schema)).read
+
+    def readable(self, channel_id: int, content: bytes, start: int, end: int) -> bool:
+        """Whether a message can be read by what is said about it, or nobody could."""
+        reader = self._readers.get(channel_id)
+        try:
+            if reader is not None:
+                reader(_expanded(content[start:end]))
+        except BagError:
+            return False
+        return True
 
     def read(self, channel_id: int, content: bytes, start: int, end: int) -> None:
         """Read a message, the bytes from `start` to `end` of a chunk."""
         self._begun = True
         reader = self._readers.get(channel_id)
-        if reader is None:
+        if reader is None or not self.needed:
             return
-        data = content[start:end]
         try:
-            reader(expand("zstd", data) if data[:4] == ZSTD_MAGIC else data)
+            reader(_expanded(content[start:end]))
         except BagError as error:
             del self._readers[channel_id]
             topic = self._topics[channel_id]
@@ -145,10 +153,18 @@ def with_sound_metadata(channel: Channel) -> tuple[Channel, str]:
 @lru_cache(maxsize=1000)
 def _parses(profiles: str) -> bool:
     try:
-        parse_qos(profiles)
-        return isinstance(load(profiles) if profiles else [], list)
+        times = [
+            time for one in parse_qos(profiles) for time in (one.deadline, one.lifespan, one.liveliness_lease_duration)
+        ]
+        numbers = [number for time in times for number in (time.sec, time.nsec)]
+        return all(isinstance(one, int) for one in numbers) and isinstance(load(profiles) if profiles else [], list)
     except Exception:  # noqa: BLE001 - rosbags raises whatever the text leads to
         return False
+
+
+def _expanded(data: bytes) -> bytes:
+    """A message that may be compressed by itself."""
+    return expand("zstd", data) if data[:4] == ZSTD_MAGIC else data
 
 
 def _definition(schema: Schema) -> Definition:

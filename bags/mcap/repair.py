@@ -1,12 +1,16 @@
-"""A valid bag out of a damaged one: every message of every chunk whose check sum agrees, and no other.
+"""A valid bag out of a damaged one: every message of every chunk whose check sum agrees, once, and no other.
 
-The one exception is the chunk in which a file breaks off while everything before it is sound, as a killed recorder
-leaves it: what it holds of whole messages is taken too and counted apart, because no check sum vouches for it.
+Of a chunk without check sum those messages are taken that can be read by their definition. The one exception is the
+chunk in which a file breaks off while everything before it is sound, as a killed recorder leaves it: what it holds of
+whole messages is taken too and counted apart, because no check sum vouches for it.
 """
 
 import shutil
-from collections.abc import Mapping
-from dataclasses import dataclass, field
+from collections import Counter, defaultdict
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from hashlib import sha256
 from pathlib import Path
 from typing import Any, final
 
@@ -24,7 +28,7 @@ from bags.mcap.file_bytes import FileBytes
 from bags.mcap.frames import Frame, parse_definition
 from bags.mcap.kinds import ZSTD_MAGIC
 from bags.mcap.mcap_file import McapFile
-from bags.mcap.messages import MessageTable, walk
+from bags.mcap.messages import MessageTable, chosen, walk
 from bags.mcap.metadata import ROS_DISTRO, BagInfo, FileEntry, TopicEntry, write_metadata
 from bags.mcap.packing import Compression
 from bags.mcap.proving import Doubts, Proofs, schema_fault_of, with_sound_metadata
@@ -81,7 +85,7 @@ def repair(path: Path, out: Path) -> RepairReport:
     if out.exists():
         raise BagError(f"{out}: exists already, expected the path of a bag to be made")
     information = read_information(path) if path.is_dir() else {}
-    told = told_types(information)
+    told, agreed = told_types(information), _agreed_metadata(files)
     jobs: list[_File] = []
     damages: list[Damage] = []
     try:
@@ -89,7 +93,7 @@ def repair(path: Path, out: Path) -> RepairReport:
         entries: list[FileEntry] = []
         for file in files:
             last = file == files[-1]
-            job = _copied(file, out / file.name, told, jobs)
+            job = _copied(file, out / file.name, told, agreed, jobs)
             start_ns, end_ns = job.target.time_range_ns
             count = sum(job.target.counts.values())
             entries.append(FileEntry(name=file.name, start_ns=start_ns, end_ns=end_ns, count=count))
@@ -114,28 +118,43 @@ def repair(path: Path, out: Path) -> RepairReport:
     )
 
 
-def _copied(file: Path, path: Path, told: Mapping[str, str], jobs: "list[_File]") -> "_File":
+def _agreed_metadata(files: Sequence[Path]) -> dict[str, dict[str, str]]:
+    """What most files of a bag say about each topic: readers take a topic for one only where all say the same."""
+    votes: defaultdict[str, Counter[tuple[tuple[str, str], ...]]] = defaultdict(Counter)
+    for file in files:
+        with suppress(BagError), FileBytes(file, start_of(file)) as source:
+            found = summary_of(source)
+            for channel in found.channels.values() if isinstance(found, SummarySection) else ():
+                sound, _ = with_sound_metadata(channel)
+                votes[channel.topic][tuple(sorted(sound.metadata.items()))] += 1
+    return {topic: dict(said.most_common(1)[0][0]) for topic, said in votes.items()}
+
+
+def _copied(
+    file: Path, path: Path, told: Mapping[str, str], agreed: dict[str, dict[str, str]], jobs: "list[_File]"
+) -> "_File":
     """Copy a file, once more without what turned out to be no description of its messages.
 
     Args:
         file: The damaged one.
         path: The new one.
         told: Type of each topic as metadata.yaml says.
+        agreed: Metadata of each topic in all files; grows.
         jobs: Copies are noted here as soon as they are begun.
     """
     base = start_of(file)
-    doubts = Doubts()
+    doubts, given = Doubts(), _Given()
     while True:
-        job = _File(told=told, doubts=doubts)
+        job = _File(told=told, agreed=agreed, doubts=doubts, given=given)
         jobs.append(job)
         if base:
             job.faults.append(Fault(start=0, what=f"{base} bytes stand in front of the file"))
         with FileBytes(file, base) as source:
             job.copy(source, path)
-        following = doubts.and_those_of(job.proofs.found)
-        if following == doubts:  # nothing new: what is left out already cannot be proved wrong once more
-            return job
-        doubts = following
+        following, late = doubts.and_those_of(job.proofs.found), job.late()
+        if following == doubts and late.channels.keys() <= given.channels.keys():
+            return job  # nothing new: what is left out already cannot be proved wrong once more
+        doubts, given = following, late
         job.close()
         jobs.remove(job)
         path.unlink()
@@ -177,6 +196,15 @@ def _profiles(text: str) -> list[object]:
 
 
 @final
+@dataclass(frozen=True, slots=True, kw_only=True)
+class _Given:
+    """Definitions that an earlier copy found behind the messages that need them: the first ones are lost."""
+
+    schemas: Mapping[int, Schema] = field(default_factory=dict)
+    channels: Mapping[int, Channel] = field(default_factory=dict)
+
+
+@final
 @dataclass(slots=True)
 class _File:
     """One file while it is copied."""
@@ -191,9 +219,13 @@ class _File:
     undescribed: int = 0
     compressed: bool = False  # whether messages are, each by itself
     told: Mapping[str, str] = field(default_factory=dict)  # type of each topic as metadata.yaml says
+    agreed: dict[str, dict[str, str]] = field(default_factory=dict)  # metadata of each topic, the same in all files
     refused: dict[int, str] = field(default_factory=dict)  # channels whose definition is none, and why
     doubts: Doubts = field(default_factory=Doubts)  # what an earlier copy has proved wrong
     proofs: Proofs = field(default_factory=Proofs)
+    given: _Given = field(default_factory=_Given)
+    missed: set[int] = field(default_factory=set)  # channels of the messages that nothing described
+    met: set[bytes] = field(default_factory=set)  # chunks that are copied already
     _target: McapFile | None = None
 
     @property
@@ -208,6 +240,12 @@ class _File:
         if self._target is not None:
             self._target.close()
 
+    def late(self) -> _Given:
+        """Definitions that came too late for some messages."""
+        channels = {**self.given.channels, **{one: self.channels[one] for one in self.missed & self.channels.keys()}}
+        wanted = {channel.schema_id for channel in channels.values()}
+        return _Given(schemas={one: self.schemas[one] for one in wanted & self.schemas.keys()}, channels=channels)
+
     def copy(self, source: FileBytes, path: Path) -> None:
         """Copy what is sound."""
         found = summary_of(source)
@@ -218,6 +256,7 @@ class _File:
         if summary is not None:
             self.proofs = Proofs(needed=not summary.channels)
             self._define(summary.schemas, summary.channels)
+        self._define(self.given.schemas, self.given.channels)
         only_broken_off = summary is None
         for one in survey(source, summary):
             match one:
@@ -230,8 +269,7 @@ class _File:
                     only_broken_off = False
                 case Messages():
                     self._definitions_in(one, summary)
-                    self.chunks += 1
-                    self._add(one.chunk.content, one.table)
+                    self._add_chunk(one)
                     only_broken_off = only_broken_off and one.indexed
                 case Frame():
                     self._take(one, summary)
@@ -285,18 +323,44 @@ class _File:
             self.faults.append(Fault(start=0, what=fault))
             return
         channel, fault = with_sound_metadata(channel)
+        agreed = self.agreed.setdefault(channel.topic, channel.metadata)
+        if not fault and agreed != channel.metadata:
+            fault = f"the channel of {channel.topic} says otherwise than those in other files: theirs was taken"
         if fault:
             self.faults.append(Fault(start=0, what=fault))
+        channel = replace(channel, metadata=agreed)
         self.new_ids[channel.id] = self.target.add_channel(
             channel.topic, channel.message_encoding, self.new_schemas.get(channel.schema_id, 0), channel.metadata
         )
         self.channels[channel.id] = channel
         self.proofs.expect(channel, schema)
 
+    def _add_chunk(self, found: Messages) -> None:
+        """Append the messages of a chunk, unless it stood there before."""
+        chunk, table = found.chunk, found.table
+        name = sha256(chunk.content).digest()
+        if len(table) and name in self.met:
+            self.faults.append(Fault(start=chunk.start, what=f"a chunk of {len(table)} messages stands here once more"))
+            return
+        self.met.add(name)
+        self.chunks += 1
+        if not chunk.checked:
+            places = zip(table.channel_ids.tolist(), table.starts.tolist(), table.ends.tolist(), strict=True)
+            readable = np.array(
+                [self.proofs.readable(one, chunk.content, a + MESSAGE_HEAD.size, b) for one, a, b in places], dtype=bool
+            )
+            if not readable.all():
+                count = int(len(table) - readable.sum())
+                what = f"{count} messages of a chunk without check sum cannot be read: they are left out"
+                self.faults.append(Fault(start=chunk.start, what=what))
+            table = chosen(table, readable)
+        self._add(chunk.content, table)
+
     def _add(self, content: bytes, table: MessageTable) -> int:
         """Append the messages whose channels are known; return how many."""
         known = np.isin(table.channel_ids, list(self.new_ids))
         self.undescribed += int(len(table) - known.sum())
+        self.missed |= set(np.unique(table.channel_ids[~known]).tolist())
         if not known.any():
             return 0
         if not self.compressed:

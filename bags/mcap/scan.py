@@ -42,6 +42,7 @@ class SoundChunk:
         fields: Length, times, size and compression as they stand in its head, as one tuple to compare.
         compression: MCAP's name.
         content: Uncompressed.
+        checked: Whether a check sum vouches for it; a chunk may have none.
     """
 
     start: int
@@ -49,6 +50,7 @@ class SoundChunk:
     fields: tuple[int, ...]
     compression: str
     content: bytes
+    checked: bool = True
 
 
 @final
@@ -109,7 +111,14 @@ def read_chunk(source: FileBytes, start: int, limit: int, index: ChunkEntry | No
         with suppress(BagError):
             content = expand(compression, source.read(at, end - at))
             if zlib.crc32(content) == crc if crc else (opcode == Opcode.CHUNK and len(content) == size):
-                return SoundChunk(start=start, end=end, fields=fields, compression=compression, content=content)
+                return SoundChunk(
+                    start=start,
+                    end=end,
+                    fields=fields,
+                    compression=compression,
+                    content=content,
+                    checked=bool(crc),
+                )
     return None
 
 

@@ -40,9 +40,10 @@ def verified_schema(schema: Schema) -> tuple[Schema, str]:
     if name is None:
         return schema, ""
     definition = Definition(type_name=schema.name, form=schema.encoding, text=schema.data.decode("utf-8", "replace"))
-    if name == schema.name and schema.encoding == "ros2msg" and is_standard(definition) and not _odd(schema.data):
-        return schema, ""
     wanted = schema_text(name).encode()
+    same = is_standard(definition) and _bare(wanted) == _bare(schema.data)
+    if name == schema.name and schema.encoding == "ros2msg" and same and not _odd(schema.data):
+        return schema, ""
     if len(wanted) != len(schema.data) or sum(a != b for a, b in zip(wanted, schema.data, strict=True)) > _SIMILAR:
         return schema, ""
     mended = Schema(id=schema.id, name=name, encoding="ros2msg", data=wanted)
@@ -83,6 +84,11 @@ def _schema_fault(channel: Channel, schema: Schema) -> str:
     if stated.startswith("RIHS01_") and schema.name in typestore().fielddefs and is_standard(definition):
         return "" if type_hash(schema.name) == stated else f"the channel of {channel.topic} states another type hash"
     return ""
+
+
+def _bare(text: bytes) -> list[bytes]:
+    """The words of a definition without its comments: a default value is none of the fields, and may be damaged."""
+    return re.sub(rb"#[^\n]*", b"", text).split()
 
 
 def _odd(data: bytes) -> bool:

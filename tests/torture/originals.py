@@ -44,6 +44,7 @@ class Original:
         messages: topic, time and bytes of every message.
         chunks: of each file: start of each chunk, end of its message index, and its messages.
         ours: whether this project recorded it.
+        checked: whether its chunks have check sums.
     """
 
     name: str
@@ -51,6 +52,7 @@ class Original:
     messages: tuple[Message, ...]
     chunks: Mapping[str, tuple[tuple[int, int, tuple[Message, ...]], ...]]
     ours: bool
+    checked: bool
 
 
 def files_of(bag: Path) -> list[Path]:
@@ -79,8 +81,17 @@ def originals() -> tuple[Original, ...]:
 def _original(name: str, bag: Path) -> Original:
     chunks = {file.name: tuple(_chunks(file)) for file in files_of(bag)}
     return Original(
-        name=name, folder=bag, messages=tuple(messages_of(bag)), chunks=chunks, ours=name.startswith("dcmg")
+        name=name,
+        folder=bag,
+        messages=tuple(messages_of(bag)),
+        chunks=chunks,
+        ours=name.startswith("dcmg"),
+        checked=all(_has_check_sum(file, start) for file in files_of(bag) for start, _, _ in chunks[file.name]),
     )
+
+
+def _has_check_sum(file: Path, chunk: int) -> bool:
+    return file.read_bytes()[chunk + 33 : chunk + 37] != bytes(4)  # behind opcode, length, times and size
 
 
 def _chunks(file: Path) -> list[tuple[int, int, tuple[Message, ...]]]:

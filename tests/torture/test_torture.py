@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import pytest
 
 from tests.torture.composed import composed
+from tests.torture.damaged import WAYS, damaged
 from tests.torture.kills import killed
 
 if TYPE_CHECKING:
@@ -23,3 +24,9 @@ def test_composed_starts(tmp_path: Path) -> None:
     """Runs in one process, each in a new process, end by themselves with all their steps."""
     for seed in range(2):
         assert composed(seed, tmp_path).broken == ()
+
+
+def test_damaged_bags(tmp_path: Path) -> None:
+    """Each way to damage a bag some times: found, and what repair makes of it every reader reads, and was recorded."""
+    for seed in range(8 * len(WAYS)):
+        assert damaged(seed, tmp_path).broken == ()
