@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from bags.reporting.write import Report
     from bags.runs.reader import Run
     from bags.runs.run_record import RunRecord
+    from bags.watch.scenarios import parse_scenario
     from dcmg.api.data import Alarms, Estimates, design, detector, history, run_detector, run_observer
     from dcmg.api.runs import dataset, open_run, read_run, replay, report, simulate
     from dcmg.api.scenarios import load_scenario
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
     from dcmg.shipped import shipped_scenarios
     from dgu_sim.errors import AttackError, DguSimError, ScenarioError
     from dgu_sim.grid import Link
-    from dgu_sim.scenario import Scenario, parse_scenario
+    from dgu_sim.scenario import Scenario
     from monitor.certificate import Certificate
     from monitor.detectors.protocol import Detector, matched
     from monitor.errors import HistoryError, MonitorError
@@ -80,7 +81,8 @@ _NAMES = {
     "dcmg.shipped": ("shipped_scenarios",),
     "dgu_sim.errors": ("AttackError", "DguSimError", "ScenarioError"),
     "dgu_sim.grid": ("Link",),
-    "dgu_sim.scenario": ("Scenario", "parse_scenario"),
+    "bags.watch.scenarios": ("parse_scenario",),
+    "dgu_sim.scenario": ("Scenario",),
     "monitor.certificate": ("Certificate",),
     "monitor.detectors.protocol": ("Detector", "matched"),
     "monitor.errors": ("HistoryError", "MonitorError"),

@@ -18,22 +18,21 @@ GRID = 0
 """Number of the whole grid where DGUs are numbered from 1."""
 
 
-def run_grid_experiments(scenario: Scenario) -> tuple[ExperimentData, ...]:
+def run_grid_experiments(scenario: Scenario, samples: int) -> tuple[ExperimentData, ...]:
     """Run the offline experiments on all DGUs together, coupled as they are in the run, recorded at the same instants.
 
     x(0) is the grid's rest + U(-s, s); in every sample each load current is its operating value + U(-s, s) and each
     reference V_ref + U(-s, s), with spreads, noise and precision of the section `history`; secondary control is off.
 
     Returns:
-        `history.experiments` experiments of `monitor.team.samples` samples: u (T, 2 N) holds I_L [A] and V_ref [V] of
+        `history.experiments` experiments of so many samples: u (T, 2 N) holds I_L [A] and V_ref [V] of
         each DGU, ascending; y (T, 3 N), NaN where a component is not sent; x (T, 3 N). A pure function of the scenario.
     """
-    return tuple(_experiment(scenario, number) for number in range(scenario.history.experiments))
+    return tuple(_experiment(scenario, samples, number) for number in range(scenario.history.experiments))
 
 
-def _experiment(scenario: Scenario, number: int) -> ExperimentData:
-    team, history, dgus = scenario.monitor.team, scenario.history, scenario.grid.dgus
-    samples = history.samples if team is None else team.samples
+def _experiment(scenario: Scenario, samples: int, number: int) -> ExperimentData:
+    history, dgus = scenario.history, scenario.grid.dgus
     generator = RandomSource(seed=scenario.seed, stream=Stream.HISTORY, dgu=GRID).generator(number)
     u = _inputs(scenario, samples, generator)
     start = np.array([equilibrium(scenario, dgu) for dgu in dgus])

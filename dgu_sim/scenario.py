@@ -12,9 +12,8 @@ from dgu_sim.explain import explain
 from dgu_sim.scenario_checks import check_parts, check_stability
 from dgu_sim.scenario_file import apply_overrides, embed_tables, parse_yaml, raised_by, resolve_history_bag
 from dgu_sim.sections import Sections
-from dgu_sim.settings import MonitorSettings
 
-__all__ = ["Scenario", "load_scenario", "parse_monitor", "parse_scenario"]
+__all__ = ["Scenario", "load_scenario", "parse_scenario"]
 
 
 @final
@@ -74,23 +73,3 @@ def parse_scenario(
     except ValidationError as error:
         problem = explain(error, data)
         raise ScenarioError(f"{raised_by(problem.key, overrides, source)}: {problem}") from error
-
-
-def parse_monitor(text: str, source: str, overrides: Sequence[str] = ()) -> MonitorSettings:
-    """Check the monitor section of a scenario, given on its own as YAML text.
-
-    Args:
-        text: The YAML text.
-        source: What to call it in messages.
-        overrides: "monitor.a.b=value" each.
-
-    Raises:
-        ScenarioError: One line with source, key, value and what was expected.
-    """
-    data = {"monitor": parse_yaml(text, source)}
-    apply_overrides(data, overrides, source)
-    try:
-        return MonitorSettings.model_validate(data["monitor"])
-    except ValidationError as error:
-        problem = explain(error, data["monitor"])
-        raise ScenarioError(f"{raised_by(('monitor', *problem.key), overrides, source)}: monitor.{problem}") from error

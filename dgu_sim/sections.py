@@ -13,7 +13,6 @@ from dgu_sim.settings import (
     DguSettings,
     HistorySettings,
     LineSettings,
-    MonitorSettings,
     ReceiverSettings,
     SecondarySettings,
 )
@@ -42,7 +41,9 @@ class Sections(Frozen):
         default_factory=ReceiverSettings, description="What a DGU makes of the messages on its links."
     )
     poison: tuple[Poison, ...] = Field(default=(), description="What attackers do to histories before they are read.")
-    monitor: MonitorSettings = Field(default_factory=MonitorSettings, description="Observer and detector.")
+    monitor: dict[str, object] = Field(
+        default_factory=dict, description="What the monitors run; they check it (`bags.watch.scenarios`)."
+    )
     attacks: tuple[AttackSettings, ...] = Field(default=(), description="Attacks that the scenario schedules.")
 
     @property

@@ -19,27 +19,16 @@ from dgu_sim.explain import part_of
 from dgu_sim.grid import Link
 from dgu_sim.loads import Load
 from dgu_sim.model import Frozen, Number, Spread3, Vector3, check_keys, finding
-from dgu_sim.monitor_settings import (
-    DetectorSettings,
-    LocalSettings,
-    ObserverSettings,
-    PlausibilitySettings,
-    ResponseSettings,
-)
 from dgu_sim.parameters import DguParameters
 from dgu_sim.relay import AttackPlan
-from dgu_sim.team_settings import TeamSettings
 
 __all__ = [
     "Accept",
     "AttackSettings",
-    "DetectorSettings",
     "DguSettings",
     "HistoryPlant",
     "HistorySettings",
     "LineSettings",
-    "MonitorSettings",
-    "ObserverSettings",
     "Precision",
     "ReceiverSettings",
     "SecondarySettings",
@@ -215,36 +204,6 @@ class HistorySettings(Frozen):
         description="Bag with recorded histories, beside the scenario file: the experiment is not run, "
         "and the keys above are not used.",
     )
-
-
-class MonitorSettings(Frozen):
-    """What every DGU runs on each of its incoming links, and on all of them together."""
-
-    observer: ObserverSettings = Field(default_factory=ObserverSettings, description="The observer.")
-    detector: DetectorSettings = Field(
-        default_factory=lambda: DetectorSettings.model_validate({}), description="The detector."
-    )
-    team: TeamSettings | None = Field(
-        default=None, description="Monitors that estimate the whole grid together; none: each watches its links alone."
-    )
-    local: LocalSettings | None = Field(default=None, description="The module of the own state; default: none.")
-    plausibility: PlausibilitySettings | None = Field(
-        default=None, description="The test of the reconstructed input of each neighbour; default: none."
-    )
-    response: ResponseSettings | None = Field(
-        default=None, description="What a DGU does about an accused link; default: nothing."
-    )
-
-    @property
-    def combined(self) -> bool:
-        """Whether a DGU's monitor draws one conclusion from several tests, or acts on one."""
-        return not (self.local is None and self.plausibility is None and self.response is None)
-
-    @property
-    def calibrated_sec(self) -> float:
-        """Time at which an attack may start [s]: nothing learns from attack-free samples any more."""
-        parts = [self.detector, self.local, self.plausibility]
-        return max(part.calibrated_sec for part in parts if part is not None)
 
 
 _EITHER = ("link", "links")

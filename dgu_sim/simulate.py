@@ -107,6 +107,7 @@ def relay_of(
     scenario: Scenario,
     seeds: tuple[int, ...] | None = None,
     recorded: Mapping[int, Sequence[FloatArray]] | None = None,
+    ready_sec: float = 0.0,
 ) -> tuple[Relay, RelayState]:
     """Return the relay of a scenario's links and its state before step 0, attacks scheduled.
 
@@ -114,6 +115,7 @@ def relay_of(
         scenario: The scenario.
         seeds: Seeds of the runs whose samples are arrays; None: samples are floats, the seed is the scenario's.
         recorded: States (T, 3) of each recorded experiment by DGU, for attackers who know a history that is in a bag.
+        ready_sec: Time until which monitors learn from samples that attacks by hand must not touch [s].
 
     Raises:
         AttackError: An attack cannot act on its links.
@@ -124,7 +126,7 @@ def relay_of(
         sampling_period_sec=scenario.sampling_period_sec,
         seed=scenario.seed if seeds is None else seeds,
         insight=ScenarioKnowledge(scenario=scenario, recorded=recorded),
-        ready_sec=scenario.monitor.calibrated_sec,
+        ready_sec=ready_sec,
     )
     return relay, relay.init([attack.plan for attack in scenario.attacks])
 

@@ -32,11 +32,12 @@ def parse_options(kind: type[Options], options: Mapping[str, object], owner: str
         return TypeAdapter(kind).validate_python(dict(options))
     except ValidationError as error:
         first = error.errors()[0]
-        key = tuple(str(part) for part in first["loc"])
-        expected = first["msg"]
+        key, value, expected = tuple(str(part) for part in first["loc"]), first["input"], first["msg"]
+        if first["type"] == "finding":  # of `monitor.settings`
+            key, value = (*key, *map(str, first["ctx"]["key"])), first["ctx"]["value"]
         if first["type"] in _UNKNOWN and len(key) == 1 and is_dataclass(kind):
             expected = f"no such option: {expected_one(key[0], [one.name for one in fields(kind)])}"
-        raise wrong_option(owner, key, first["input"], expected) from None
+        raise wrong_option(owner, key, value, expected) from None
 
 
 def wrong_option(owner: str, key: tuple[str, ...], value: object, expected: str) -> OptionError:

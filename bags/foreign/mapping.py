@@ -17,7 +17,8 @@ from dgu_sim.explain import explain
 from dgu_sim.grid import Link
 from dgu_sim.model import Frozen, Number, finding
 from dgu_sim.scenario_file import embed_waveforms, parse_yaml
-from dgu_sim.settings import AttackSettings, MonitorSettings
+from dgu_sim.settings import AttackSettings
+from monitor.settings import MonitorSettings
 
 _OUTPUTS = 3  # components of a received output
 _HOLD_PERIODS = 1.5

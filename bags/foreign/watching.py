@@ -19,10 +19,10 @@ from bags.wire.row import Widths
 from bags.wire.schema import RunTopics, run_topics
 from dgu_sim.grid import Link
 from dgu_sim.records import Sample
-from dgu_sim.settings import MonitorSettings
 from monitor.history import History
 from monitor.linear import Component
 from monitor.link_monitor import LinkMonitor, MonitorOutput, MonitorState
+from monitor.settings import MonitorSettings
 
 _SAME_PERIOD = 1e-3  # relative
 

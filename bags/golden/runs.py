@@ -12,7 +12,7 @@ from bags.reporting.timeline import gather
 from bags.runs.offline import simulate_to_bag
 from bags.runs.reader import read_run
 from bags.runs.run_record import RunRecord
-from dgu_sim.scenario import load_scenario
+from bags.watch.scenarios import load_scenario
 
 _FOLDER = Path(__file__).parent
 _THREE = "three_dgus.yaml"

@@ -5,6 +5,7 @@ from dataclasses import fields
 from bags.mcap.errors import BagError
 from bags.reporting.timeline import Timeline
 from bags.runs.avoided import without_response
+from bags.wire.settings import settings_of
 from dgu_sim.errors import DguSimError
 from dgu_sim.relay import Origin
 from dgu_sim.scenario import parse_scenario
@@ -23,7 +24,7 @@ def unanswered(timeline: Timeline) -> GridImpact | None:
         return None
     try:
         scenario = parse_scenario(run.scenario_text)
-        if scenario.monitor.response is None or scenario.steps < timeline.steps:
+        if settings_of(scenario).response is None or scenario.steps < timeline.steps:
             return None
         found = without_response(scenario)
     except (BagError, DguSimError):

@@ -12,6 +12,7 @@ from bags.watch.designs import design_scenario
 from bags.watch.histories import recorded_states
 from bags.wire.forms import MASKS
 from bags.wire.schema import RunTopics
+from bags.wire.settings import settings_of
 from dgu_sim.grid import Link
 from dgu_sim.scenario import Scenario
 from dgu_sim.simulate import Block, simulate
@@ -62,7 +63,7 @@ def compare_response(scenario: Scenario) -> Avoided:
         BagError: The scenario has no response, or its histories cannot be read.
         monitor.errors.MonitorError: Unknown kind or option.
     """
-    if scenario.monitor.response is None:
+    if settings_of(scenario).response is None:
         raise BagError(f"scenario {scenario.name} has no monitor.response, expected one to compare with doing nothing")
     designs = design_scenario(scenario)
     topics = designs.topics

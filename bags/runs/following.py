@@ -47,7 +47,7 @@ def follow(scenario: Scenario, designs: RunDesigns, recorded: Recorded, block_st
     """
     run = partial(simulate, scenario, block_steps=block_steps, recorded=recorded)
     watch = Watch(designs=designs)
-    if scenario.monitor.response is not None:  # simulation and monitors go step by step together
+    if designs.settings.response is not None:  # simulation and monitors go step by step together
         for block in run(respond=watch):
             yield Followed(block, *watch.take())
         return

@@ -24,12 +24,13 @@ from bags.wire.origin import MONITOR_ATTACHMENT, SCENARIO_ATTACHMENT
 from bags.wire.records import DesignRecord
 from bags.wire.row import Need
 from bags.wire.schema import RunTopics, parts_of
+from bags.wire.settings import parse_monitor, settings_of
 from bags.wire.stream import Spoofed
 from bags.wire.table import with_conclusions
 from dgu_sim.grid import Link
-from dgu_sim.scenario import Scenario, parse_monitor
-from dgu_sim.settings import MonitorSettings
+from dgu_sim.scenario import Scenario
 from monitor.history import History
+from monitor.settings import MonitorSettings
 
 
 def replay(run: RunRecord | Path | str, overrides: Sequence[str] = (), *, redesign: bool = False) -> RunRecord:
@@ -166,7 +167,7 @@ def _settings(record: RunRecord, overrides: Sequence[str]) -> tuple[MonitorSetti
     """The monitor section, its scenario unless it is of a stream from outside, and the document that tells it."""
     if record.scenario_text:
         scenario = replayed_scenario(record.path, record.scenario_text, overrides)
-        return scenario.monitor, scenario, {SCENARIO_ATTACHMENT: scenario.to_yaml().encode()}
+        return settings_of(scenario), scenario, {SCENARIO_ATTACHMENT: scenario.to_yaml().encode()}
     if MONITOR_ATTACHMENT not in record.attachments:
         raise BagError(f"{record.path}: holds no {SCENARIO_ATTACHMENT}, expected the scenario of the run")
     source = f"{record.path}/{MONITOR_ATTACHMENT}"

@@ -8,9 +8,10 @@ from pathlib import Path
 from bags.mcap.errors import BagError
 from bags.runs.run_record import RunRecord
 from bags.watch.histories import read_histories
+from bags.watch.scenarios import parse_scenario
 from bags.wire.origin import SCENARIO_ATTACHMENT
 from bags.wire.schema import run_topics
-from dgu_sim.scenario import Scenario, parse_scenario
+from dgu_sim.scenario import Scenario
 
 _MONITOR_SECTION = "monitor."
 

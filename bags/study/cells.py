@@ -13,14 +13,16 @@ from pydantic import ValidationError
 from bags.study.designs import BASELINES
 from bags.study.errors import StudyError
 from bags.study.settings import NO_ATTACK, Study, StudyDetector, StudyObserver
-from dgu_sim.detector_defaults import attack_free_sec, filled_in
+from bags.watch.scenarios import load_scenario
 from dgu_sim.errors import ScenarioError
 from dgu_sim.explain import explain
-from dgu_sim.scenario import Scenario, load_scenario
-from monitor import detectors, observers
+from dgu_sim.scenario import Scenario
+from monitor import observers
 from monitor.errors import MonitorError
+from monitor.settings import DetectorSettings
 
 _FORMAT = 1  # of the rows; another one makes kept cells worthless
+_AT_ONCE = DetectorSettings(options={"settle_sec": 0.0, "calibrate_sec": 0.0})  # learns nothing
 
 
 @final
@@ -109,8 +111,7 @@ def _attacked(study: Study, base: Scenario, source: str) -> dict[str, Scenario]:
                 f"{source}: attack_start_sec = {study.attack_start_sec:g}: "
                 f"expected a time before the end of the run, {base.duration_sec:g} s"
             )
-        # the scenario's own detector is not used here, and must not forbid the time of the attack
-        document = {**data, "attacks": attacks, "monitor": {"detector": {"options": {"calibrate_sec": 0.0}}}}
+        document = {**data, "attacks": attacks, "monitor": {}}  # the study's own monitors watch
         try:
             found[one.name] = Scenario.model_validate(document)
         except ValidationError as error:
@@ -120,32 +121,33 @@ def _attacked(study: Study, base: Scenario, source: str) -> dict[str, Scenario]:
 
 
 def _check_kinds(study: Study, source: str) -> None:
+    """Refuse observers that do not exist, and further tests that still learn when the attack starts."""
     known = (*sorted(observers.KINDS), *BASELINES)
     for position, one in enumerate(study.observers):
         if one.kind not in known:
             raise StudyError(f"{source}: observers.{position}.kind = {one.kind!r}: expected one of {', '.join(known)}")
-        if one.combined and one.kind in BASELINES:
+        told = one.settings(_AT_ONCE)
+        if told.combined and one.kind in BASELINES:
             raise StudyError(f"{source}: observers.{position}.kind = {one.kind!r}: baselines have no further tests")
-        if study.attacks and one.calibrated_sec > study.attack_start_sec:
-            raise StudyError(
-                f"{source}: observers.{position}: learns until {one.calibrated_sec:g} s, "
-                f"expected at most attack_start_sec = {study.attack_start_sec:g}"
-            )
+        _check_start(study, told.calibrated_sec, f"{source}: observers.{position}: learns")
 
 
 def _check_detectors(study: Study, base: Scenario, source: str) -> None:
     """Refuse detectors that do not exist, and those still learning when the attack starts."""
     for position, one in enumerate(study.detectors):
-        for value, options in one.settings():
+        for value in one.points:
             where = f"{source}: detectors.{position}"
             where += "" if value is None or one.sweep is None else f" with {one.sweep.option} = {value:g}"
             try:
-                detectors.build(one.kind, options, base.sampling_period_sec)
+                found = one.at(value)
+                found.build(base.sampling_period_sec)
             except MonitorError as error:
                 raise StudyError(f"{where}: {error}") from error
-            learning_sec = attack_free_sec(filled_in(one.kind, options))
-            if study.attacks and study.attack_start_sec < learning_sec:
-                raise StudyError(
-                    f"{where}: settles and calibrates until {learning_sec:g} s, "
-                    f"expected at most attack_start_sec = {study.attack_start_sec:g}"
-                )
+            _check_start(study, found.calibrated_sec, f"{where}: settles and calibrates")
+
+
+def _check_start(study: Study, ready_sec: float, what: str) -> None:
+    if study.attacks and study.attack_start_sec < ready_sec:
+        raise StudyError(
+            f"{what} until {ready_sec:g} s, expected at most attack_start_sec = {study.attack_start_sec:g}"
+        )

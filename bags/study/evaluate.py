@@ -22,12 +22,11 @@ from bags.watch.monitors import MonitorArrays, RunMonitors, group_monitors
 from bags.wire.convert import history_of
 from bags.wire.schema import parts_of, topics_of
 from dgu_sim.scenario import Scenario
-from dgu_sim.settings import MonitorSettings, ObserverSettings
 from dgu_sim.simulate import simulate
-from monitor import detectors
 from monitor.detectors import Phase
 from monitor.link_design import LinkDesign
 from monitor.measures import GridImpact, grid_impact, onsets
+from monitor.settings import DetectorSettings
 
 SCHEMA = pa.schema(
     [
@@ -103,11 +102,11 @@ def evaluate(cell: StudyCell) -> pa.Table:
     shape = (len(runs), len(cell.seeds), len(base.links))
     designs = [_designs(cell, base.model_copy(update={"seed": seed})) for seed in cell.seeds]
     lanes = [link for _ in runs for one in designs for link in one.links]
-    watch = _watch_all if cell.observer.combined else _watch_links
+    watch = _watch_all if designs[0].settings.combined else _watch_links
     tables = []
     for detector in cell.detectors:
-        for swept, options in detector.settings():
-            judged_by = [one.judged_by(detector.kind, options) for one in designs]
+        for swept in detector.points:
+            judged_by = [one.judged_by(detector.at(swept)) for one in designs]
             concluded = watch(tuple(runs.values()), judged_by)
             for position, (attack, one) in enumerate(runs.items()):
                 judged = _judge(one, _Part.of(concluded, shape, position), window, base.sampling_period_sec)
@@ -119,9 +118,7 @@ def evaluate(cell: StudyCell) -> pa.Table:
 def _watch_links(runs: Sequence[_Runs], designs: Sequence[RunDesigns]) -> MonitorArrays:
     """Return what a monitor on each link concludes, shape (steps, lanes, ...)."""
     lanes = [link for _ in runs for one in designs for link in one.links]
-    plan = designs[0].plan
-    groups = group_monitors(lanes, detectors.build(*plan.detector, plan.sampling_period_sec))
-    monitors = RunMonitors(designs=tuple(lanes), groups=groups)
+    monitors = RunMonitors(designs=tuple(lanes), groups=group_monitors(lanes, designs[0].detector))
     received = np.stack([one.received for one in runs], axis=1)
     delivered = np.stack([one.delivered for one in runs], axis=1)
     steps = len(received)
@@ -217,11 +214,7 @@ def _impact_so_far(scenario: Scenario, x: NDArray[np.float64], start: int) -> Gr
 def _designs(cell: StudyCell, scenario: Scenario) -> RunDesigns:
     """Return what is designed for the runs of one seed: each has histories of its own."""
     observer = cell.observer
-    settings = MonitorSettings(
-        observer=ObserverSettings(kind=observer.kind, options=observer.options),
-        local=observer.local,
-        plausibility=observer.plausibility,
-    )
+    settings = observer.settings(DetectorSettings())
     topics = replace(topics_of(scenario), has_team=False, parts=parts_of(settings))
     histories = {dgu: history_of(histories_of_run(scenario, dgu)) for dgu in topics.dgus}
     method = method_of(observer.kind, observer.options, scenario)

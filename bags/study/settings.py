@@ -10,8 +10,9 @@ from bags.study.errors import StudyError
 from dgu_sim.errors import ScenarioError
 from dgu_sim.explain import explain
 from dgu_sim.model import Frozen, Number, finding
-from dgu_sim.monitor_settings import LocalSettings, PlausibilitySettings
 from dgu_sim.scenario_file import apply_overrides, embed_waveforms, parse_yaml, raised_by
+from monitor.detectors import filled_in
+from monitor.settings import DetectorSettings, LocalSettings, MonitorSettings, ObserverSettings, PlausibilitySettings
 
 __all__ = ["Condition", "Study", "StudyAttack", "StudyDetector", "StudyObserver", "Sweep", "load_study"]
 
@@ -41,15 +42,14 @@ class StudyObserver(Frozen):
         default=None, description="The test of the reconstructed input, as `monitor.plausibility`."
     )
 
-    @property
-    def combined(self) -> bool:
-        """Whether it draws one conclusion from several tests."""
-        return not (self.local is None and self.plausibility is None)
-
-    @property
-    def calibrated_sec(self) -> float:
-        """Time until which the further tests learn [s]."""
-        return max((one.calibrated_sec for one in (self.local, self.plausibility) if one is not None), default=0.0)
+    def settings(self, detector: DetectorSettings) -> MonitorSettings:
+        """What the monitors are told, under one of the detectors."""
+        return MonitorSettings(
+            observer=ObserverSettings(kind=self.kind, options=self.options),
+            detector=detector,
+            local=self.local,
+            plausibility=self.plausibility,
+        )
 
 
 class Sweep(Frozen):
@@ -67,12 +67,19 @@ class StudyDetector(Frozen):
     options: dict[str, object] = Field(default_factory=dict, description="Options of the detector.")
     sweep: Sweep | None = Field(default=None, description="Further operating points; default: only the one of options.")
 
-    def settings(self) -> tuple[tuple[float | None, dict[str, object]], ...]:
-        """Return the value of the swept option and all options of each operating point; None: as given."""
-        points: list[tuple[float | None, dict[str, object]]] = [(None, dict(self.options))]
-        if self.sweep is not None:
-            points += [(value, {**self.options, self.sweep.option: value}) for value in self.sweep.values]
-        return tuple(points)
+    def at(self, value: float | None) -> DetectorSettings:
+        """Return what it is with the swept option at a value; None: as given.
+
+        Raises:
+            monitor.errors.MonitorError: unknown kind or option, or a value that does not fit.
+        """
+        swept = {} if self.sweep is None or value is None else {self.sweep.option: value}
+        return DetectorSettings(kind=self.kind, options=filled_in(self.kind, {**self.options, **swept}))
+
+    @property
+    def points(self) -> tuple[float | None, ...]:
+        """The values of the swept option at its operating points; None: as given."""
+        return (None, *(() if self.sweep is None else self.sweep.values))
 
 
 class StudyAttack(Frozen):

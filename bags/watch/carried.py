@@ -15,9 +15,10 @@ from bags.mcap.topic import Topic, TopicKind
 from bags.wire.documents import DesignCodec
 from bags.wire.origin import MONITOR_ATTACHMENT, SCENARIO_ATTACHMENT
 from bags.wire.records import DesignRecord
-from dgu_sim.scenario import parse_monitor, parse_scenario
-from dgu_sim.settings import MonitorSettings
+from bags.wire.settings import parse_monitor, settings_of
+from dgu_sim.scenario import parse_scenario
 from monitor.carrying import RUNNING, parsed
+from monitor.settings import MonitorSettings
 
 Part = TypeVar("Part")
 _DESIGN = "dcmg_msgs/msg/Design"
@@ -93,7 +94,7 @@ def read_carried(path: Path) -> Carried:
 def _settings(path: Path, attachments: Mapping[str, bytes]) -> MonitorSettings:
     if SCENARIO_ATTACHMENT in attachments:
         text, source = attachments[SCENARIO_ATTACHMENT].decode(), f"{path}/{SCENARIO_ATTACHMENT}"
-        return parse_scenario(text, source=source).monitor
+        return settings_of(parse_scenario(text, source=source), source)
     if MONITOR_ATTACHMENT in attachments:
         return parse_monitor(attachments[MONITOR_ATTACHMENT].decode(), f"{path}/{MONITOR_ATTACHMENT}")
     raise BagError(f"{path}: holds no {SCENARIO_ATTACHMENT}, expected the settings that its designs were made with")

@@ -3,30 +3,31 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import NamedTuple, TypeAlias, final
+from typing import Any, NamedTuple, TypeAlias, final
 
 from bags.mcap.errors import BagError
 from bags.watch.carried import Carried, Part
 from bags.watch.histories import grid_history_of_run, histories_of_run
-from bags.watch.team import RunTeam, run_team
-from bags.watch.team import plan_of as team_plan_of
+from bags.watch.team import RunTeam, plan_of, run_team
 from bags.wire.convert import design_record, history_of
 from bags.wire.documents import DesignCodec
 from bags.wire.records import DesignRecord, HistoryRecord
 from bags.wire.schema import RunTopics, topics_of
+from bags.wire.settings import settings_of
 from dgu_sim.errors import ScenarioError
 from dgu_sim.grid import Link
 from dgu_sim.scenario import Scenario
 from dgu_sim.scenario_file import raised_by
-from dgu_sim.settings import MonitorSettings
 from monitor import input_estimators, local
-from monitor.combined import CombinedDesign, CombinedPlan, DguMonitor, LocalPlan, design_own
+from monitor.combined import CombinedDesign, DguMonitor, design_own
+from monitor.detectors import Detector
 from monitor.errors import OptionError
 from monitor.history import History
 from monitor.input_estimators import EstimatorDesign
 from monitor.link_design import LinkDesign, carried_link, design_link
 from monitor.local import LocalDesign
 from monitor.options import within
+from monitor.settings import DetectorSettings, EstimatorSettings, LocalSettings, MonitorSettings
 from monitor.team import TeamPlan
 
 LinkMethod: TypeAlias = Callable[[int, History], LinkDesign]
@@ -40,13 +41,13 @@ class RunDesigns:
 
     Attributes:
         topics: DGUs, links and T_s.
-        plan: What every monitor is told besides data.
+        settings: What every monitor is told besides data.
         dgus: What is designed for each monitor.
         team: The team of monitors, if there is one.
     """
 
     topics: RunTopics
-    plan: CombinedPlan
+    settings: MonitorSettings
     dgus: Mapping[int, CombinedDesign]
     team: RunTeam | None = None
 
@@ -58,7 +59,18 @@ class RunDesigns:
     @property
     def monitors(self) -> tuple[DguMonitor, ...]:
         """What steps, in the order of the monitors; raises what `CombinedDesign.monitor` does."""
-        return tuple(one.monitor(self.plan) for one in self.dgus.values())
+        return tuple(one.monitor(self.settings, self.sampling_period_sec) for one in self.dgus.values())
+
+    @property
+    def sampling_period_sec(self) -> float:
+        """T_s [s]."""
+        return self.topics.sampling_period_ns * 1e-9
+
+    @property
+    def detector(self) -> Detector[Any]:
+        """The detector of every link; raises MonitorError where it does not fit T_s."""
+        with within("detector"):
+            return self.settings.detector.build(self.sampling_period_sec)
 
     def told(self) -> dict[str, DesignRecord]:
         """All that is said about designs, the team's included, by topic."""
@@ -70,9 +82,9 @@ class RunDesigns:
         """What cannot be watched, by the topic of its design, and why."""
         return tuple((name, record.verdict) for name, record in self.told().items() if not record.accepted)
 
-    def judged_by(self, kind: str, options: Mapping[str, object]) -> "RunDesigns":
+    def judged_by(self, detector: DetectorSettings) -> "RunDesigns":
         """The same observers under another detector."""
-        return replace(self, plan=replace(self.plan, detector=(kind, options)))
+        return replace(self, settings=self.settings.model_copy(update={"detector": detector}))
 
     def messages(self) -> tuple[tuple[DesignCodec, DesignRecord], ...]:
         """What the monitors say about their designs before step 0, in canonical order; the team speaks for itself."""
@@ -106,27 +118,6 @@ class Told(NamedTuple):
     carried: Carried | None
 
 
-def plan_of(settings: MonitorSettings, sampling_period_sec: float) -> CombinedPlan:
-    """What a scenario tells the monitor of every DGU."""
-    own, plausible = settings.local, settings.plausibility
-    return CombinedPlan(
-        observer=(settings.observer.kind, settings.observer.options),
-        detector=(settings.detector.kind, settings.detector.options),
-        sampling_period_sec=sampling_period_sec,
-        local=None
-        if own is None
-        else LocalPlan(
-            decay=own.decay,
-            load_sec=own.load_sec,
-            load_range_a=own.load_range_a,
-            detector=(own.detector.kind, own.detector.options),
-        ),
-        estimator=None if plausible is None else (plausible.estimator.kind, plausible.estimator.options),
-        limits={} if plausible is None else plausible.limits.model_dump(),
-        quiet_sec=None if settings.response is None else settings.response.quiet_sec,
-    )
-
-
 def design_run(
     topics: RunTopics,
     settings: MonitorSettings,
@@ -158,11 +149,10 @@ def design_run(
                 f"the history of DGU {source} has {history.inputs} known inputs u, expected at most "
                 f"{topics.widths.inputs}, as the samples on its links carry"
             )
-    plan = plan_of(settings, topics.sampling_period_ns * 1e-9)
-    make = _Maker(topics=topics, settings=settings, plan=plan, histories=histories, carried=carried, method=method)
+    make = _Maker(topics=topics, settings=settings, histories=histories, carried=carried, method=method)
     return RunDesigns(
         topics=topics,
-        plan=plan,
+        settings=settings,
         dgus={dgu: make.dgu(dgu) for dgu in (topics.monitors if monitors is None else monitors)},
         team=None if team is None or topics.team is None else run_team(topics.team, settings, team, carried),
     )
@@ -178,12 +168,12 @@ def design_scenario(scenario: Scenario, *, carried: Carried | None = None) -> Ru
     topics = topics_of(scenario)
     histories = {dgu: history_of(histories_of_run(scenario, dgu)) for dgu in topics.dgus}
     team = team_told(scenario, topics, () if topics.team is None else grid_history_of_run(scenario))
-    return design_run(topics, scenario.monitor, histories, carried=carried, team=team)
+    return design_run(topics, settings_of(scenario), histories, carried=carried, team=team)
 
 
 def team_told(scenario: Scenario, topics: RunTopics, grid: Sequence[HistoryRecord]) -> tuple[TeamPlan, History] | None:
     """What the members of a team are told, and the record of the whole grid; None without a team."""
-    return None if topics.team is None else (team_plan_of(scenario, topics.team), history_of(grid))
+    return None if topics.team is None else (plan_of(scenario, topics.team), history_of(grid))
 
 
 @final
@@ -193,7 +183,6 @@ class _Maker:
 
     topics: RunTopics
     settings: MonitorSettings
-    plan: CombinedPlan
     histories: Mapping[int, History]
     carried: Carried | None
     method: LinkMethod | None
@@ -203,8 +192,9 @@ class _Maker:
     def dgu(self, monitor: int) -> CombinedDesign:
         incoming = incoming_links(self.topics, monitor)
         links = tuple(self._link(link) for link in incoming)
-        inputs = tuple(self._input(link) for link in incoming) if self.plan.estimator is not None else ()
-        own = None if self.plan.local is None else self._own(monitor, self.plan.local, links)
+        test, module = self.settings.plausibility, self.settings.local
+        inputs = () if test is None else tuple(self._input(link, test.estimator) for link in incoming)
+        own = None if module is None else self._own(monitor, module, links)
         return CombinedDesign(links=links, inputs=inputs, local=own)
 
     def _taken(
@@ -223,14 +213,17 @@ class _Maker:
             lambda record: carried_link(record.observer, record.certificate, history),
         )
         if found is None and link.source not in self.links:
-            kind, options = self.plan.observer
+            asked = self.settings.observer
             with within("observer"):
-                fresh = self.method(link.source, history) if self.method else design_link(kind, history, options)
+                fresh = (
+                    self.method(link.source, history)
+                    if self.method
+                    else design_link(asked.kind, history, asked.options)
+                )
             self.links[link.source] = fresh
         return found or self.links[link.source]
 
-    def _input(self, link: Link) -> EstimatorDesign:
-        assert self.plan.estimator is not None  # noqa: S101 - the caller has seen to it
+    def _input(self, link: Link, asked: EstimatorSettings) -> EstimatorDesign:
         assert self.topics.combined is not None  # noqa: S101 - a plausibility test makes it so
         found = self._taken(
             self.topics.combined.input_design(link),
@@ -238,12 +231,12 @@ class _Maker:
             lambda record: input_estimators.carried(record.observer, record.certificate),
         )
         if found is None and link.source not in self.inputs:
-            kind, options = self.plan.estimator
+            history = self.histories[link.source]
             with within("plausibility", "estimator"):
-                self.inputs[link.source] = input_estimators.design(kind, self.histories[link.source], options)
+                self.inputs[link.source] = input_estimators.design(asked.kind, history, asked.options)
         return found or self.inputs[link.source]
 
-    def _own(self, monitor: int, plan: LocalPlan, links: Sequence[LinkDesign]) -> LocalDesign:
+    def _own(self, monitor: int, asked: LocalSettings, links: Sequence[LinkDesign]) -> LocalDesign:
         assert self.topics.combined is not None  # noqa: S101 - a local module makes it so
         found = self._taken(
             self.topics.combined.design(monitor),
@@ -253,7 +246,7 @@ class _Maker:
         if found is not None:
             return found
         with within("local"):
-            return design_own(plan, links, self.histories[monitor])
+            return design_own(asked, links, self.histories[monitor])
 
 
 @contextmanager

@@ -16,6 +16,7 @@ from bags.wire.documents import HistoryCodec
 from bags.wire.origin import attach_origin
 from bags.wire.records import GRID, HistoryRecord
 from bags.wire.schema import run_topics, topics_of
+from bags.wire.settings import settings_of
 from dgu_sim.experiment import run_experiments
 from dgu_sim.grid_experiment import run_grid_experiments
 from dgu_sim.poisoning import poisoned
@@ -93,7 +94,9 @@ def grid_history_of_run(scenario: Scenario) -> list[HistoryRecord]:
         BagError: The bag of histories cannot be read or holds none of the grid.
     """
     if scenario.history.bag is None:
-        return history_records(GRID, run_grid_experiments(scenario))
+        team = settings_of(scenario).team
+        samples = scenario.history.samples if team is None else team.samples
+        return history_records(GRID, run_grid_experiments(scenario, samples))
     return _recorded(Path(scenario.history.bag), grid_history_codec(scenario), "the whole grid")
 
 
@@ -144,7 +147,7 @@ def write_histories(scenario: Scenario, dgus: Sequence[int], path: Path) -> Path
     """
     topics = run_topics(scenario.grid.dgus, scenario.links, scenario.sampling_period_ns)
     found = [(topics.history(dgu), histories_of_run(scenario, dgu)) for dgu in dgus]
-    if scenario.monitor.team is not None:
+    if topics_of(scenario).team is not None:
         found.append((grid_history_codec(scenario), grid_history_of_run(scenario)))
     with BagWriter(path, [codec.topic for codec, _ in found]) as writer:
         attach_origin(writer, scenario)

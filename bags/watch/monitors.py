@@ -16,8 +16,6 @@ from bags.watch.monitor_blocks import run_monitor
 from bags.watch.stacked_observer import StackedObserver
 from dgu_sim.grid import Link
 from dgu_sim.scenario import Scenario
-from dgu_sim.settings import MonitorSettings
-from monitor import detectors
 from monitor.delayed import ConstantInput
 from monitor.detectors import Detector, Phase
 from monitor.link_design import LinkDesign
@@ -121,8 +119,8 @@ def monitors_of(designs: RunDesigns, runs: int = 1) -> RunMonitors:
     """
     links = designs.links * runs
     states = designs.topics.widths.states
+    detector = designs.detector
     with within("detector"):
-        detector = detectors.build(*designs.plan.detector, designs.plan.sampling_period_sec)
         return RunMonitors(designs=links, groups=group_monitors(links, detector), states=states)
 
 
@@ -133,8 +131,8 @@ def link_monitors(scenario: Scenario, runs: int = 1) -> RunMonitors:
         BagError: A recorded history cannot be read.
         monitor.errors.MonitorError: Unknown kind or option.
     """
-    alone = MonitorSettings(observer=scenario.monitor.observer, detector=scenario.monitor.detector)
-    return monitors_of(design_scenario(scenario.model_copy(update={"monitor": alone})), runs)
+    told = {name: part for name, part in scenario.monitor.items() if name in {"observer", "detector"}}
+    return monitors_of(design_scenario(scenario.model_copy(update={"monitor": told})), runs)
 
 
 def group_monitors(designs: Sequence[LinkDesign], detector: Detector[Any]) -> tuple[LinkGroup, ...]:

@@ -11,16 +11,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bags.watch.carried import Carried
+from bags.watch.team_checks import team_links
 from bags.watch.team_record import TeamArrays
 from bags.wire.documents import DesignCodec
 from bags.wire.records import GRID, DesignRecord
 from bags.wire.schema import RunTopics
+from bags.wire.settings import settings_of
 from dgu_sim.scenario import Scenario
-from dgu_sim.settings import MonitorSettings
 from dgu_sim.signals import first_step
-from dgu_sim.team_checks import team_links
-from dgu_sim.team_settings import AnnouncedInput, TeamEventKind
 from monitor.history import History
+from monitor.settings import AnnouncedInput, MonitorSettings, TeamEventKind
 from monitor.team import Lie, MemberOutput, MemberState, Presence, Team, TeamPlan, carried_team, design_team
 
 OBSERVER = "distributed"
@@ -117,7 +117,7 @@ class RunTeam:
 
 def plan_of(scenario: Scenario, topics: RunTopics) -> TeamPlan:
     """What the members are told besides data."""
-    team = scenario.monitor.team
+    team = settings_of(scenario).team
     if team is None:
         raise ValueError(f"scenario {scenario.name} has no monitor.team")
 
@@ -135,7 +135,7 @@ def plan_of(scenario: Scenario, topics: RunTopics) -> TeamPlan:
     return TeamPlan(
         members=topics.dgus,
         heard={member: topics.hears(member) for member in topics.dgus},
-        links=team_links(scenario),
+        links=team_links(scenario, team),
         announced=(told_load, told_reference),
         structure=team.structure.value,
         leader=team.leader,

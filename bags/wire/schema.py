@@ -13,12 +13,13 @@ from bags.wire import table
 from bags.wire.codecs import AlarmCodec, ClockCodec, StepCodec
 from bags.wire.documents import AttackEventCodec, DesignCodec, DiagnosticsCodec, HistoryCodec
 from bags.wire.row import Codec_co, Need, Over, Row, Spot, Widths, at
+from bags.wire.settings import settings_of
 from bags.wire.stream import StreamCodec
 from dgu_sim.grid import Link
 
 if TYPE_CHECKING:
     from dgu_sim.scenario import Scenario
-    from dgu_sim.settings import MonitorSettings
+    from monitor.settings import MonitorSettings
 
 CLOCK_NODE, ATTACKER_NODE = table.CLOCK.publisher, table.RECEIVED.publisher
 SECOND_PUBLISHER = "second_publisher"
@@ -321,8 +322,14 @@ def run_topics(
 
 def topics_of(scenario: "Scenario") -> RunTopics:
     """The topics of a scenario's run."""
-    team, parts = scenario.monitor.team is not None, parts_of(scenario.monitor)
-    return run_topics(scenario.grid.dgus, scenario.links, scenario.sampling_period_ns, team=team, parts=parts)
+    settings = settings_of(scenario)
+    return run_topics(
+        scenario.grid.dgus,
+        scenario.links,
+        scenario.sampling_period_ns,
+        team=settings.team is not None,
+        parts=parts_of(settings),
+    )
 
 
 def parts_of(settings: "MonitorSettings") -> Parts | None:

@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from typing import TYPE_CHECKING
 
+from bags.watch import scenarios
 from dcmg.shipped import scenario_path
-from dgu_sim import scenario as scenarios
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

@@ -41,8 +41,8 @@ def avoided(
 ) -> None:
     """Simulate a scenario with its response and without, and print who was accused and what the attacks did."""
     from bags.runs.avoided import compare_response  # noqa: PLC0415 (heavy)
+    from bags.watch.scenarios import load_scenario  # noqa: PLC0415 (heavy)
     from dcmg.shipped import scenario_path  # noqa: PLC0415 (heavy)
-    from dgu_sim.scenario import load_scenario  # noqa: PLC0415 (heavy)
 
     loaded = load_scenario(scenario_path(scenario), overrides or [])
     document = _document(loaded, compare_response(loaded))

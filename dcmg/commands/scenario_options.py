@@ -96,10 +96,10 @@ class ScenarioOptions:
             ScenarioError: it is not valid.
             CommandError: it is implausible, and that is not wanted.
         """
+        from bags.watch.scenarios import load_scenario  # noqa: PLC0415 (heavy)
         from dcmg.commands.showing import messages  # noqa: PLC0415 (heavy)
         from dcmg.shipped import scenario_path  # noqa: PLC0415 (heavy)
         from dgu_sim.plausible import concerns  # noqa: PLC0415 (heavy)
-        from dgu_sim.scenario import load_scenario  # noqa: PLC0415 (heavy)
 
         scenario = load_scenario(scenario_path(self.name), self.changes)
         for one in concerns(scenario):

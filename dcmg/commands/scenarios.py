@@ -16,8 +16,8 @@ def scenarios(
     """List the shipped scenarios."""
     from rich.console import Console  # noqa: PLC0415 (takes its time)
 
+    from bags.watch.scenarios import load_scenario  # noqa: PLC0415 (heavy)
     from dcmg.tabular import tabulate  # noqa: PLC0415 (idem)
-    from dgu_sim.scenario import load_scenario  # noqa: PLC0415 (heavy)
 
     found = {name: " ".join(load_scenario(path).description.split()) for name, path in shipped_scenarios().items()}
     if json:

@@ -12,9 +12,9 @@ import numpy as np
 from rosbags.rosbag2 import StoragePlugin, Writer
 from rosbags.typesys import Stores, get_typestore
 
+from bags.watch.scenarios import load_scenario
 from dcmg.shipped import scenario_path
 from dgu_sim.experiment import run_experiments
-from dgu_sim.scenario import load_scenario
 from dgu_sim.simulate import simulate
 
 if TYPE_CHECKING:

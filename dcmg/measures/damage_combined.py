@@ -10,9 +10,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from bags.runs.avoided import compare_response
+from bags.watch.scenarios import load_scenario
 from dcmg.papers.check import Check
 from dcmg.shipped import scenario_path
-from dgu_sim.scenario import load_scenario
 from dgu_sim.stealthy_damage import Goal, Limits, largest_damage, responses_of, stealthy_attacks
 
 if TYPE_CHECKING:

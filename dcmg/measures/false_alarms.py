@@ -10,9 +10,9 @@ from matplotlib.figure import Figure
 from scipy.stats import t as student_t
 
 from bags.runs.watching import watch
+from bags.watch.scenarios import load_scenario
 from dcmg.papers.check import Check
 from dcmg.shipped import scenario_path
-from dgu_sim.scenario import load_scenario
 from monitor.detectors import Phase
 
 if TYPE_CHECKING:

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
+from bags.watch.scenarios import load_scenario
 from dcmg.papers.check import Check
 from dcmg.shipped import scenario_path
-from dgu_sim.scenario import load_scenario
 from dgu_sim.simulate import simulate
 
 if TYPE_CHECKING:

@@ -10,9 +10,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from bags.runs.watching import watch
+from bags.watch.scenarios import load_scenario
 from dcmg.papers.check import Check
 from dcmg.shipped import scenario_path
-from dgu_sim.scenario import load_scenario
 from monitor.measures import Measured, roc
 
 if TYPE_CHECKING:

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
+from bags.watch.scenarios import load_scenario
 from dcmg.papers.check import Check
 from dcmg.shipped import scenario_path
 from dgu_sim.matrices import continuous_joint, discretise
-from dgu_sim.scenario import load_scenario
 from monitor.distributed import design, linked, sampled
 from monitor.distributed.gains import error_dynamics, lie_response, stability
 from monitor.history import Experiment, History

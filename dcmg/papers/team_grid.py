@@ -15,12 +15,12 @@ from matplotlib.figure import Figure
 
 from bags.watch.histories import grid_history_of_run
 from bags.watch.monitors import link_monitors
+from bags.watch.scenarios import load_scenario
 from bags.watch.team import RunTeam, plan_of
 from bags.wire.convert import history_of
 from bags.wire.schema import run_topics
 from dcmg.papers.check import Check
 from dcmg.shipped import scenario_path
-from dgu_sim.scenario import load_scenario
 from dgu_sim.simulate import simulate
 from monitor.team import design_team
 

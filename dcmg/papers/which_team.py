@@ -10,10 +10,10 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from bags.watch.scenarios import load_scenario
 from dcmg.papers.dduio_grid import JointGrid, announced, design_on_grid, heard, network_of
 from dcmg.shipped import scenario_path
 from dgu_sim.matrices import continuous_joint, discretise
-from dgu_sim.scenario import load_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Sequence

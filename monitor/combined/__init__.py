@@ -1,6 +1,6 @@
 """Everything the monitor of one DGU can know at once: which of its incoming links lies, and which to leave out."""
 
-from monitor.combined.designing import CombinedDesign, CombinedPlan, LocalPlan, design_own
+from monitor.combined.designing import CombinedDesign, design_own
 from monitor.combined.dgu_monitor import DguMonitor, DguOutput, DguState, DguVerdict, Own, Received
 from monitor.combined.isolation import Evidence, Isolation, explains, isolate
 from monitor.combined.plausibility import InputOutput, Limits, PlausibilityTest, build_limits
@@ -8,7 +8,6 @@ from monitor.combined.response import Response
 
 __all__ = [
     "CombinedDesign",
-    "CombinedPlan",
     "DguMonitor",
     "DguOutput",
     "DguState",
@@ -17,7 +16,6 @@ __all__ = [
     "InputOutput",
     "Isolation",
     "Limits",
-    "LocalPlan",
     "Own",
     "PlausibilityTest",
     "Received",

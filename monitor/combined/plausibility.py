@@ -6,13 +6,11 @@ from dataclasses import dataclass
 from math import inf, nan
 from typing import TYPE_CHECKING, NamedTuple
 
-from pydantic import Field
-from pydantic.dataclasses import dataclass as checked_dataclass
-
 from monitor.detectors.protocol import Phase
 from monitor.detectors.schedule import Progress, Schedule
 from monitor.linear import anywhere, everywhere, is_finite, is_missing, larger, negated, select
-from monitor.options import STRICT, parse_options, wrong_option
+from monitor.options import parse_options
+from monitor.settings import LimitSettings
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -22,25 +20,6 @@ if TYPE_CHECKING:
 
 OWNER = "plausibility"
 _INPUTS = 2  # I_net + I_L, V_ref + alpha
-
-
-@checked_dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
-class LimitOptions:
-    """What is plausible of an input [A, V].
-
-    Attributes:
-        settle_sec: time after every (re)start in which the estimate is not used [s].
-        calibrate_sec: attack-free stretch from which the limits are learned [s].
-        margin: share of the width seen on that stretch by which an input may leave it.
-        range: [A, V] by which the inputs are known, or allowed, to leave what was seen.
-        rate: [A/s, V/s] by which a change is known, or allowed, to be faster than what was seen; None: not tested.
-    """
-
-    settle_sec: float = Field(default=0.5, ge=0.0)
-    calibrate_sec: float = Field(default=2.0, gt=0.0)
-    margin: float = Field(default=0.5, ge=0.0)
-    range: tuple[float, float] = (1.0, 0.1)
-    rate: tuple[float, float] | None = None
 
 
 class LimitState(NamedTuple):
@@ -216,21 +195,19 @@ class PlausibilityTest:
 
 
 def build_limits(options: Mapping[str, object], sampling_period_sec: float) -> Limits:
-    """Build the limits from the options of a scenario.
+    """Build the limits from options of `LimitSettings`.
 
     Raises:
         MonitorError: an option that does not exist or fit.
     """
-    parsed = parse_options(LimitOptions, options, OWNER)
-    for name in ("range", "rate"):
-        values = getattr(parsed, name)
-        if values is not None and any(not value >= 0.0 for value in values):
-            raise wrong_option(OWNER, (name,), list(values), "expected [A, V] that are not negative")
-    calibrate_steps = max(1, round(parsed.calibrate_sec / sampling_period_sec))
+    settings = parse_options(LimitSettings, options, OWNER)
     return Limits(
-        schedule=Schedule(settle_steps=round(parsed.settle_sec / sampling_period_sec), calibrate_steps=calibrate_steps),
+        schedule=Schedule(
+            settle_steps=round(settings.settle_sec / sampling_period_sec),
+            calibrate_steps=max(1, round(settings.calibrate_sec / sampling_period_sec)),
+        ),
         sampling_period_sec=sampling_period_sec,
-        margin=parsed.margin,
-        range=parsed.range,
-        rate=parsed.rate,
+        margin=settings.margin,
+        range=settings.range,
+        rate=settings.rate,
     )

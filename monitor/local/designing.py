@@ -6,8 +6,6 @@ from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
-from pydantic import Field
-from pydantic.dataclasses import dataclass as checked_dataclass
 
 from monitor.backstop import guarded
 from monitor.carrying import parsed
@@ -15,11 +13,12 @@ from monitor.certificate import Certificate, DataReport
 from monitor.errors import HistoryError
 from monitor.history import Experiment
 from monitor.linear_observer import LinearObserver
-from monitor.options import STRICT, parse_options
+from monitor.options import parse_options
 from monitor.proof import hold_back, noise, prove, rounding
 from monitor.regression import regress_states
 from monitor.riccati import dual_lqr
 from monitor.scaling import norms, spreads
+from monitor.settings import LocalSettings
 from monitor.sight import measure_dynamics, noise_covariance
 from monitor.trials import try_observer
 
@@ -40,21 +39,6 @@ _SURE = 3.0  # standard errors that a coefficient must stand above 0 to be known
 _ROUNDING = 1e-9  # in shares of the spread: what acts less is rounding of exact data
 _MISFIT = 1e-9  # relative: a history that misses the plant by less carries rounding only
 _EXACT = 1e-10  # relative rounding of exact samples
-
-
-@checked_dataclass(frozen=True, slots=True, kw_only=True, config=STRICT)
-class LocalOptions:
-    """Options of the local module.
-
-    Attributes:
-        decay: largest modulus of the eigenvalues of the estimation error.
-        load_sec: attack-free stretch at the start from which the nominal load is learned [s]; 0: that of the history.
-        load_range_a: the load is known to stay this close to its nominal value [A]: less is no alarm.
-    """
-
-    decay: float = Field(default=0.5, gt=0.0, lt=1.0)
-    load_sec: float = Field(default=0.5, ge=0.0)
-    load_range_a: float = Field(default=0.0, ge=0.0)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -110,19 +94,19 @@ def design(history: History, neighbours: int, options: Mapping[str, object]) -> 
     Args:
         history: the DGU's own.
         neighbours: how many links it receives on.
-        options: of `LocalOptions`.
+        options: decay, load_sec and load_range_a of `LocalSettings`.
 
     Raises:
         MonitorError: unknown option.
     """
-    parsed = parse_options(LocalOptions, options, KIND)
+    parsed = parse_options(LocalSettings, options, KIND)
     try:
         return guarded(lambda: _design(history, neighbours, parsed), refused)
     except HistoryError as error:
         return refused(str(error))
 
 
-def _design(history: History, neighbours: int, parsed: LocalOptions) -> LocalDesign:
+def _design(history: History, neighbours: int, parsed: LocalSettings) -> LocalDesign:
     split = hold_back(_known(history, neighbours))
     spread = spreads(split.seen)
     norm = norms(split.seen, spread)
@@ -220,7 +204,7 @@ def _fit(seen: History) -> Fit:
     return regress_states(seen, [(one.u,) for one in seen.experiments], names)
 
 
-def _accept(found: _Fitted, options: LocalOptions) -> LocalDesign:
+def _accept(found: _Fitted, options: LocalSettings) -> LocalDesign:
     fit, norm, spread, neighbours = found.fit, found.norm, found.spread, found.neighbours
     n = len(norm.x)
     A, G = fit.Theta[:, :n], fit.Theta[:, n:]

@@ -7,8 +7,9 @@ import pytest
 from bags.runs.offline import simulate_to_bag
 from bags.runs.reader import read_run
 from bags.runs.run_record import RunRecord
+from bags.watch.scenarios import parse_scenario
 from bags.wire.schema import RunTopics, run_topics
-from dgu_sim.scenario import Scenario, parse_scenario
+from dgu_sim.scenario import Scenario
 
 _SCENARIO = """
 name: three_dgus

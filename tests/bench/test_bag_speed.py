@@ -17,9 +17,9 @@ from bags.mcap.writer import BagWriter
 from bags.runs.offline import simulate_to_bag
 from bags.runs.reader import open_run, read_run
 from bags.runs.replay import replay
+from bags.watch.scenarios import load_scenario
 from bags.wire.schema import run_topics
 from dcmg.shipped import scenario_path
-from dgu_sim.scenario import load_scenario
 
 pytestmark = pytest.mark.bench
 

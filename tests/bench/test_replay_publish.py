@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING, Any
 import pytest
 
 from bags.runs.offline import simulate_to_bag
+from bags.watch.scenarios import load_scenario
 from dcmg.shipped import scenario_path
 from dcmg_bringup.domain import choose_domain
-from dgu_sim.scenario import load_scenario
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -20,7 +20,7 @@ import sys, time
 from pathlib import Path
 from dcmg_bringup.run_job import RunOptions, run_job
 from dcmg.shipped import scenario_path
-from dgu_sim.scenario import load_scenario
+from bags.watch.scenarios import load_scenario
 
 class Stopwatch:
     points = []
@@ -56,7 +56,7 @@ import sys, time
 from pathlib import Path
 from bags.runs.offline import simulate_to_bag
 from dcmg.shipped import scenario_path
-from dgu_sim.scenario import load_scenario
+from bags.watch.scenarios import load_scenario
 
 scenario = load_scenario(scenario_path("gallo_six_dgu"), ["duration_sec=100"])
 best = 0.0

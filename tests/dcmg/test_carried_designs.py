@@ -13,8 +13,8 @@ from bags.golden import golden_path
 from bags.runs.reader import read_run
 from bags.watch.carried import read_carried
 from bags.watch.histories import write_histories
+from bags.watch.scenarios import load_scenario
 from dcmg.cli import main
-from dgu_sim.scenario import load_scenario
 
 if TYPE_CHECKING:
     from pathlib import Path

@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 
 from bags.runs.reader import read_run
+from bags.watch.scenarios import load_scenario
 from dcmg.cli import main
 from dcmg.shipped import scenario_path, shipped_scenarios
-from dgu_sim.scenario import load_scenario
 
 Outcome = tuple[int, str, str]
 Dcmg = Callable[..., Outcome]

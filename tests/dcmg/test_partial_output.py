@@ -8,8 +8,8 @@ import numpy as np
 from bags.runs.offline import simulate_to_bag
 from bags.runs.reader import read_run
 from bags.runs.replay import replay
+from bags.watch.scenarios import load_scenario
 from dcmg.shipped import scenario_path
-from dgu_sim.scenario import load_scenario
 from monitor.detectors import Phase
 
 

@@ -16,9 +16,9 @@ from bags.runs.replay import replay
 from bags.study import load_study
 from bags.study.errors import StudyError
 from bags.tables.tabular import dataset
+from bags.watch.scenarios import load_scenario
 from dcmg.shipped import scenario_path
 from dgu_sim.errors import ScenarioError
-from dgu_sim.scenario import load_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -6,9 +6,9 @@ import pytest
 
 from bags.mcap.recording import Recording, TopicFilter
 from bags.runs.offline import simulate_to_bag
+from bags.watch.scenarios import load_scenario
 from dcmg.commands.showing import is_partial, show
 from dcmg.shipped import scenario_path
-from dgu_sim.scenario import load_scenario
 
 
 @pytest.mark.parametrize("topic", ["/dgu_1/verdict", "/dgu_1/own", "/dgu_1/residual/dgu_1", "/dgu_2/input/dgu_1"])

@@ -5,7 +5,8 @@ from pathlib import Path
 
 import pytest
 
-from dgu_sim.scenario import Scenario, load_scenario
+from bags.watch.scenarios import load_scenario
+from dgu_sim.scenario import Scenario
 
 ROOT = Path(__file__).resolve().parents[2]
 SCENARIOS = ROOT / "dcmg" / "scenarios"

@@ -85,5 +85,5 @@ def test_every_excitation_teaches_a_dgu(shipped: Callable[..., Scenario], scenar
 @pytest.mark.parametrize("kind", NAMES)
 def test_every_excitation_teaches_a_team(shipped: Callable[..., Scenario], kind: str) -> None:
     """120 samples of six DGUs show all 18 states and 12 inputs."""
-    (data,) = run_grid_experiments(shipped("team_six_dgu", f"history.excitation={{kind: {kind}}}"))
+    (data,) = run_grid_experiments(shipped("team_six_dgu", f"history.excitation={{kind: {kind}}}"), 120)
     assert _excited(np.vstack([data.x[:-1].T, data.u[:-1].T])) > 1e-8

@@ -4,13 +4,15 @@ import warnings
 
 import pytest
 
+from bags.watch.scenarios import load_scenario
+from bags.wire.settings import settings_of
 from dcmg.shipped import scenario_path, shipped_scenarios
 from dgu_sim.attacks import build_attack
 from dgu_sim.errors import AttackError, ScenarioError
 from dgu_sim.grid import Link
 from dgu_sim.plausible import RANGES, concerns
 from dgu_sim.relay import Origin
-from dgu_sim.scenario import Scenario, load_scenario
+from dgu_sim.scenario import Scenario
 from dgu_sim.simulate import relay_of
 
 BIAS = {"bias": [0.1, 0.1, 0.1]}
@@ -66,9 +68,10 @@ def test_numbers_that_overflow_are_refused_in_a_line(key: str) -> None:
 
 def test_an_attack_by_hand_waits_for_the_detectors() -> None:
     """While detectors learn it is refused with the time, or started anyway; afterwards it starts."""
-    relay, state = relay_of(_loaded("attacks=[]"))
-    ready = relay.ready_sec
+    scenario = _loaded("attacks=[]")
+    ready = settings_of(scenario).calibrated_sec
     assert ready > 0.0
+    relay, state = relay_of(scenario, ready_sec=ready)
     with pytest.raises(AttackError, match=rf"until {ready:g} s the detectors learn"):
         relay.start(state, Link(1, 2), "bias", BIAS)
     started, event = relay.start(state, Link(1, 2), "bias", {**BIAS, "anyway": True})

@@ -6,12 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from bags.watch.scenarios import load_scenario, parse_scenario
+from bags.wire.settings import settings_of
 from dgu_sim.errors import ScenarioError
 from dgu_sim.grid import Link
 from dgu_sim.loads import ConstantLoad, TableLoad
 from dgu_sim.plant import Coupling
 from dgu_sim.relay import AttackPlan
-from dgu_sim.scenario import Scenario, load_scenario, parse_scenario
+from dgu_sim.scenario import Scenario
 from dgu_sim.simulate import simulate
 
 GALLO_LINES = {
@@ -86,9 +88,9 @@ def test_overrides_replace_add_and_index(shipped: Callable[..., Scenario]) -> No
 
 def test_detector_defaults_are_filled_in(shipped: Callable[..., Scenario]) -> None:
     """What a scenario leaves out of the fixed detector's options stands in the resolved one."""
-    options = shipped("gallo_six_dgu", "monitor.detector.options={margin: 4}").monitor.detector.options
+    options = settings_of(shipped("gallo_six_dgu", "monitor.detector.options={margin: 4}")).detector.options
     assert options == {"settle_sec": 0.5, "calibrate_sec": 2.0, "margin": 4, "floor": 1e-6}
-    assert shipped("gallo_six_dgu").monitor.detector.calibrated_sec == 2.5
+    assert settings_of(shipped("gallo_six_dgu")).detector.calibrated_sec == 2.5
 
 
 def test_numbers_may_be_written_the_way_people_write_them(shipped: Callable[..., Scenario]) -> None:

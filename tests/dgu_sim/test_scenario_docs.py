@@ -7,13 +7,15 @@ from pathlib import Path
 import pytest
 from pydantic import BaseModel
 
-from dgu_sim import excitation, loads, monitor_settings, noise, poison, settings, team_settings
+from bags.watch.scenarios import parse_scenario
+from dgu_sim import excitation, loads, noise, poison, settings
 from dgu_sim.attacks import KINDS
-from dgu_sim.detector_defaults import DETECTORS, filled_in
 from dgu_sim.errors import ScenarioError
-from dgu_sim.scenario import Scenario, parse_scenario
+from dgu_sim.scenario import Scenario
 from monitor import detectors
+from monitor import settings as monitor_settings
 from monitor.detectors import KINDS as KNOWN_DETECTORS
+from monitor.settings import parts, section, team
 
 SECTIONS: dict[str, type[BaseModel]] = {
     "Top level": Scenario,
@@ -40,11 +42,11 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "Excitation: uniform": excitation.UniformExcitation,
     "Excitation: prbs": excitation.PrbsExcitation,
     "Excitation: multisine": excitation.MultisineExcitation,
-    "monitor": settings.MonitorSettings,
-    "monitor.observer": settings.ObserverSettings,
-    "monitor.detector": settings.DetectorSettings,
-    "monitor.team": team_settings.TeamSettings,
-    "monitor.team.events": team_settings.TeamEventSettings,
+    "monitor": monitor_settings.MonitorSettings,
+    "monitor.observer": monitor_settings.ObserverSettings,
+    "monitor.detector": monitor_settings.DetectorSettings,
+    "monitor.team": monitor_settings.TeamSettings,
+    "monitor.team.events": monitor_settings.TeamEventSettings,
     "monitor.local": monitor_settings.LocalSettings,
     "monitor.plausibility": monitor_settings.PlausibilitySettings,
     "monitor.plausibility.estimator": monitor_settings.EstimatorSettings,
@@ -73,7 +75,7 @@ def _default(model: type[BaseModel], key: str) -> str:
     if field.is_required():
         return "required"
     if field.default_factory is not None:
-        return "`{}`" if key == "options" and model is not settings.DetectorSettings else "see below"
+        return "`{}`" if key == "options" and model is not monitor_settings.DetectorSettings else "see below"
     if field.default is None:
         return "none"
     if isinstance(field.default, str):
@@ -96,20 +98,21 @@ def test_every_option_of_a_detector_stands_there(page: str, kind: str) -> None:
     """Options and their defaults are those that a scenario is filled up with, and those that monitor has."""
     rows = _rows(page, f"Detector: {kind}")
     options: dict[str, object] = {"noise": 0.1} if kind == "noise_bound" else {}
-    filled = filled_in(kind, options)
-    for option, default in DETECTORS[kind].items():
-        shown = json.dumps(default)
-        assert rows.pop(option) == (f"`{default}`" if isinstance(default, str) else f"`{shown}`"), option
+    filled = detectors.filled_in(kind, options)
+    inner: dict[str, object] = {"options": {}} if "options" in filled else {}  # what those add has rows of its own
+    for option, default in (filled | inner).items():
+        if option not in options:
+            text = default if isinstance(default, str) else json.dumps(default)
+            assert rows.pop(option) == f"`{text}`", option
     assert rows == dict.fromkeys(options, "required")
-    filled_detector, own = (detectors.build(kind, one, 0.01) for one in (filled, options))
-    assert filled_detector == own
+    assert detectors.build(kind, filled, 0.01) == detectors.build(kind, options, 0.01)
 
 
 def test_inner_options_are_filled_in_and_counted() -> None:
     """N of M shows its inner detector's options; attacks wait for that one's calibration."""
     given = {"kind": "n_of_m", "options": {"kind": "calibrated", "options": {"rate": 0.1}}}
-    detector = settings.DetectorSettings.model_validate(given)
-    inner = {**DETECTORS["calibrated"], "rate": 0.1}
+    detector = monitor_settings.DetectorSettings.model_validate(given)
+    inner = detectors.filled_in("calibrated", {"rate": 0.1})
     assert detector.options == {"n": 3, "m": 5, "kind": "calibrated", "options": inner}
     assert detector.calibrated_sec == 10.5
 
@@ -118,7 +121,7 @@ def test_every_model_of_a_scenario_has_a_section() -> None:
     """A new load, noise or section cannot be forgotten."""
     found = {
         value
-        for module in (excitation, loads, monitor_settings, noise, settings, team_settings, poison)
+        for module in (excitation, loads, noise, parts, section, settings, poison, team)
         for value in vars(module).values()
         if isinstance(value, type) and issubclass(value, BaseModel) and value.__module__ == module.__name__
     }

@@ -6,8 +6,9 @@ from pathlib import Path
 import pytest
 import yaml
 
+from bags.watch.scenarios import load_scenario, parse_scenario
 from dgu_sim.errors import ScenarioError
-from dgu_sim.scenario import Scenario, load_scenario, parse_scenario
+from dgu_sim.scenario import Scenario
 
 WRONG_VALUES = [
     ("secondary.gain=0.5", "secondary.gain = 0.5: expected a gain that is stable when sampled every 0.01 s"),

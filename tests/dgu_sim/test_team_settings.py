@@ -47,18 +47,18 @@ def test_the_experiment_is_on_the_grid_as_it_runs(shipped: Callable[..., Scenari
     """All states and inputs of all DGUs at the same instants obey x+ = A x + E u of the coupling of the run."""
     scenario = shipped("team_six_dgu", f"coupling={coupling}", "history.experiments=2")
     A, E = sampled_grid(scenario.grid, scenario.coupling, scenario.sampling_period_sec)
-    first, second = run_grid_experiments(scenario)
+    first, second = run_grid_experiments(scenario, 120)
     assert first.x.shape == (120, 18)
     assert first.u.shape == (120, 12)
     assert not np.array_equal(first.u, second.u)
     np.testing.assert_allclose(first.x[1:], first.x[:-1] @ A.T + first.u[:-1] @ E.T, atol=1e-9)
-    assert np.array_equal(run_grid_experiments(scenario)[1].x, second.x)
+    assert np.array_equal(run_grid_experiments(scenario, 120)[1].x, second.x)
 
 
 def test_what_is_not_sent_is_not_in_the_outputs(shipped: Callable[..., Scenario]) -> None:
     """DGU 3 keeps v for itself: NaN in its outputs, known in its states; noise and precision are those of `history`."""
     changes = ("dgus.2.output=[V, I_t]", "history.noise_std=0.1", "history.precision=float32")
-    (found,) = run_grid_experiments(shipped("team_six_dgu", *changes))
+    (found,) = run_grid_experiments(shipped("team_six_dgu", *changes), 120)
     assert np.flatnonzero(np.isnan(found.y).all(axis=0)).tolist() == [8]
     assert np.isfinite(found.x).all()
     assert np.array_equal(found.x, found.x.astype(np.float32).astype(np.float64))

@@ -8,10 +8,10 @@ from typing import Any
 import yaml
 from typer.main import get_command
 
+from bags.watch.scenarios import load_scenario
 from dcmg.cli import app
 from dcmg.shipped import scenario_path
 from dcmg_nodes.wiring import wiring_of
-from dgu_sim.scenario import load_scenario
 
 SCENARIO = "gallo_six_dgu"
 SERVICES: dict[str, Any] = yaml.safe_load((Path(__file__).parents[2] / "docker" / "compose.yaml").read_text())[

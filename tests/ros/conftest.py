@@ -13,9 +13,9 @@ from typing import TYPE_CHECKING
 import psutil
 import pytest
 
+from bags.watch.scenarios import load_scenario
 from dcmg.shipped import scenario_path
 from dcmg_bringup.domain import DomainError, choose_domain, running_systems
-from dgu_sim.scenario import load_scenario
 
 if TYPE_CHECKING:
     import signal

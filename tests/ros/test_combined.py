@@ -8,9 +8,9 @@ import pytest
 from mcap.reader import make_reader
 
 from bags.runs.reader import read_run
+from bags.watch.scenarios import load_scenario
 from dcmg.shipped import scenario_path
 from dgu_sim.grid import Link
-from dgu_sim.scenario import load_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -24,6 +24,7 @@ from bags.mcap.typestore import typestore
 from bags.runs.reader import read_run
 from bags.runs.replay import replay
 from bags.watch.histories import write_histories
+from bags.watch.scenarios import load_scenario
 from dcmg.cli import app
 from dcmg.hardware.bags import ATTACK_SEC
 from dcmg.shipped import scenario_path
@@ -31,7 +32,6 @@ from dcmg_bringup.domain import choose_domain
 from dcmg_bringup.ros_environment import ros_environment
 from dcmg_nodes.errors import NodeError
 from dcmg_nodes.foreign_types import definitions_of_class, foreign_class
-from dgu_sim.scenario import load_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Callable

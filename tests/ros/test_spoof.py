@@ -17,9 +17,9 @@ from mcap.reader import make_reader
 from bags import golden
 from bags.runs.reader import read_run
 from bags.runs.replay import replay
+from bags.watch.scenarios import load_scenario
 from dcmg_bringup.ros_environment import ros_environment
 from dgu_sim.grid import Link
-from dgu_sim.scenario import load_scenario
 
 if TYPE_CHECKING:
     from collections.abc import Callable

@@ -11,14 +11,16 @@ from hypothesis import strategies as st
 
 from bags.runs.offline import simulate_to_bag
 from bags.runs.playback import Selection, open_playback
+from bags.watch.scenarios import load_scenario
 from dcmg.shipped import scenario_path
 from dcmg_nodes.stand_in import doubled_steps, intervals_of, live_topics
 from dcmg_nodes.wiring import Wiring, wiring_of
 from dgu_sim.grid import Link
-from dgu_sim.scenario import Scenario, load_scenario
 
 if TYPE_CHECKING:
     from pathlib import Path
+
+    from dgu_sim.scenario import Scenario
 
 _SPOOF = (
     "duration_sec=0.4",

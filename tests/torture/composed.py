@@ -10,9 +10,9 @@ import traceback
 from typing import TYPE_CHECKING
 
 from bags.runs.reader import read_run
+from bags.watch.scenarios import load_scenario
 from dcmg.shipped import scenario_path
 from dcmg_bringup.run_job import RunOptions, run_job
-from dgu_sim.scenario import load_scenario
 from tests.torture.outcome import Outcome
 from tests.torture.scene import Scene, stacks
 

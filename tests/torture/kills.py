@@ -17,8 +17,8 @@ from bags.mcap.container import open_container
 from bags.mcap.errors import BagError
 from bags.mcap.repair import repair
 from bags.runs.reader import read_run
+from bags.watch.scenarios import load_scenario
 from dcmg.shipped import scenario_path
-from dgu_sim.scenario import load_scenario
 from tests.torture.outcome import Outcome
 from tests.torture.readers import refused_by
 from tests.torture.scene import Scene, children, nodes, shared_memory, stacks, unowned, wait_until

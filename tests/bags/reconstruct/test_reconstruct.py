@@ -11,10 +11,10 @@ from bags.mcap.errors import BagError
 from bags.reconstruct.estimate import reconstruct_link
 from bags.reconstruct.reconstruction_plot import draw_reconstruction
 from bags.runs.offline import simulate_to_bag
+from bags.watch.scenarios import load_scenario
 from dcmg.cli import app
 from dcmg.shipped import scenario_path
 from dgu_sim.grid import Link
-from dgu_sim.scenario import load_scenario
 
 LINK = Link(1, 2)
 

@@ -21,10 +21,11 @@ from bags.runs.offline import simulate_to_bag
 from bags.runs.reader import read_run
 from bags.runs.replay import replay
 from bags.runs.run_record import RunRecord
+from bags.watch.scenarios import parse_scenario
 from bags.wire.arrays import grouped
 from dgu_sim.grid import Link
 from dgu_sim.relay import Action, Origin, RelayEvent
-from dgu_sim.scenario import Scenario, parse_scenario
+from dgu_sim.scenario import Scenario
 
 TWO_ON_ONE_LINK = (
     "[{kind: uio_stealthy_trajectory, link: 1-2, start_sec: 0.8, stop_sec: 1.3, rise_sec: 0.3, voltage_v: 0.2},"

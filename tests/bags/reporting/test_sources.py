@@ -12,12 +12,13 @@ from bags.reporting.page import page
 from bags.reporting.timeline import gather
 from bags.reporting.unanswered import unanswered
 from bags.runs.run_record import RunRecord
+from bags.watch.scenarios import parse_scenario
 from bags.wire.arrays import grouped
 from bags.wire.forms import MASKS
 from bags.wire.records import StreamRecord
 from bags.wire.schema import Parts
 from dgu_sim.relay import Origin
-from dgu_sim.scenario import Scenario, parse_scenario
+from dgu_sim.scenario import Scenario
 
 OPTIONS = ReportOptions(block_sec=0.05)
 

@@ -8,7 +8,8 @@ import pytest
 
 from bags.mcap.errors import BagError
 from bags.runs.avoided import compare_response
-from dgu_sim.scenario import Scenario, load_scenario
+from bags.watch.scenarios import load_scenario
+from dgu_sim.scenario import Scenario
 
 SCENARIOS = Path(__file__).parents[3] / "dcmg" / "scenarios"
 START = 300

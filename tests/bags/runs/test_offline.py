@@ -8,11 +8,13 @@ from rosbags.highlevel import AnyReader
 from bags.mcap.writer import BagWriter
 from bags.runs.offline import simulate_to_bag
 from bags.runs.reader import read_run
+from bags.watch.scenarios import parse_scenario
 from bags.wire.convert import design_record, history_of, history_records
 from bags.wire.schema import RunTopics
+from bags.wire.settings import settings_of
 from dgu_sim.experiment import run_experiments
 from dgu_sim.records import Physical, Sample
-from dgu_sim.scenario import Scenario, parse_scenario
+from dgu_sim.scenario import Scenario
 from dgu_sim.simulate import relay_of
 from dgu_sim.unit import unit_of
 from monitor import detectors
@@ -28,7 +30,7 @@ class _Nodes:
         self.units = {dgu: unit_of(scenario, dgu) for dgu in topics.dgus}
         self.unit_states = {dgu: unit.init() for dgu, unit in self.units.items()}
         self.relay, self.relay_state = relay_of(scenario)
-        settings = scenario.monitor
+        settings = settings_of(scenario)
         histories = {dgu: history_records(dgu, run_experiments(scenario, dgu)) for dgu in topics.dgus}
         for dgu, records in histories.items():
             for record in records:

@@ -18,10 +18,11 @@ from bags.mcap.topic import Topic, TopicKind
 from bags.mcap.writer import BagWriter
 from bags.runs.reader import open_run, read_run
 from bags.runs.run_record import RunRecord
+from bags.watch.scenarios import parse_scenario
 from bags.wire.schema import RunTopics
 from dgu_sim.grid import Link
 from dgu_sim.relay import Action
-from dgu_sim.scenario import Scenario, parse_scenario
+from dgu_sim.scenario import Scenario
 
 STATE = ("x", "load_current", "reference", "alpha")
 CONCLUSIONS = ("phase", "alarm", "estimate", "residual", "threshold")

@@ -16,8 +16,9 @@ from bags.runs.replay_bag import write_replayed
 from bags.runs.replay_settings import history_messages, replayed_scenario, with_histories
 from bags.runs.run_record import RunRecord
 from bags.watch.histories import write_histories
+from bags.watch.scenarios import load_scenario
 from dcmg.shipped import scenario_path
-from dgu_sim.scenario import Scenario, load_scenario
+from dgu_sim.scenario import Scenario
 
 
 def _messages(bag: Path) -> list[tuple[str, int, bytes]]:

@@ -18,8 +18,8 @@ from bags.runs.replay import histories_of, replay, replay_windows
 from bags.runs.replay_bag import write_replayed
 from bags.runs.run_record import RunRecord
 from bags.watch.designs import design_run
-from dgu_sim.settings import MonitorSettings
 from monitor.link_monitor import LinkMonitor
+from monitor.settings import MonitorSettings
 
 A = np.array([[0.8, 0.1, 0.0, 0.1], [0.0, 0.6, 0.2, 0.0], [0.1, 0.0, 0.5, 0.1], [0.0, 0.2, 0.0, 0.7]])
 B = np.array([[1.0, 0.0], [0.5, 0.2], [0.0, 1.0], [0.3, 0.0]])

@@ -20,7 +20,9 @@ from bags.watch import designs
 from bags.watch.carried import Carried, difference, read_carried
 from bags.watch.designs import design_run, design_scenario
 from bags.watch.histories import write_histories
-from dgu_sim.scenario import Scenario, load_scenario
+from bags.watch.scenarios import load_scenario
+from bags.wire.settings import settings_of
+from dgu_sim.scenario import Scenario
 from monitor import link_design
 
 if TYPE_CHECKING:
@@ -70,7 +72,7 @@ def test_every_part_of_a_run_is_carried(run: RunRecord, bag: Path) -> None:
     assert carried.records == fresh.told()
     assert len(carried.records) == 14 + 6 + 14 + 6
     assert carried_by(run).records == carried.records
-    assert carried_by(run).settings == carried.settings == scenario.monitor
+    assert carried_by(run).settings == carried.settings == settings_of(scenario)
     taken = design_scenario(scenario, carried=carried)
     assert taken.told() == carried.records
     assert carried.anew(taken.told()) == ()
@@ -170,7 +172,7 @@ def test_every_kind_of_observer_is_carried(kind: str, options: str, output: str)
     )
     scenario = scenario.model_copy(update={"lines": scenario.lines[:1], "dgus": scenario.dgus[:2]})
     made = design_scenario(scenario)
-    again = design_scenario(scenario, carried=Carried(settings=scenario.monitor, records=made.told()))
+    again = design_scenario(scenario, carried=Carried(settings=settings_of(scenario), records=made.told()))
     for one, other in zip(made.links, again.links, strict=True):
         assert (one.document, one.channels, one.blind, one.verdict) == (
             other.document,
@@ -218,8 +220,8 @@ def test_a_history_is_designed_once(monkeypatch: pytest.MonkeyPatch, run: RunRec
         return design(*arguments)
 
     monkeypatch.setattr(designs, "design_link", counted)
-    settings = _scenario("monitor.local=null", "monitor.plausibility=null", "monitor.response=null").monitor
-    found = design_run(run.topics, settings, histories_of(run))
+    scenario = _scenario("monitor.local=null", "monitor.plausibility=null", "monitor.response=null")
+    found = design_run(run.topics, settings_of(scenario), histories_of(run))
     assert (len(found.links), len(calls)) == (14, 6)
 
 

@@ -16,10 +16,11 @@ from bags.runs.run_record import RunRecord
 from bags.watch.combined import Watch
 from bags.watch.combined_arrays import CombinedArrays
 from bags.watch.designs import design_scenario
+from bags.watch.scenarios import load_scenario
 from bags.wire.schema import topics_of
 from dgu_sim.errors import ScenarioError
 from dgu_sim.grid import Link
-from dgu_sim.scenario import Scenario, load_scenario
+from dgu_sim.scenario import Scenario
 from dgu_sim.simulate import Block, simulate
 
 SCENARIOS = Path(__file__).parents[3] / "dcmg" / "scenarios"

@@ -6,10 +6,11 @@ from rosbags.highlevel import AnyReader
 
 from bags.runs.run_record import RunRecord
 from bags.watch.histories import write_histories
+from bags.watch.scenarios import parse_scenario
 from bags.wire.convert import history_records
 from bags.wire.schema import RunTopics
 from dgu_sim.experiment import run_experiments
-from dgu_sim.scenario import Scenario, parse_scenario
+from dgu_sim.scenario import Scenario
 
 
 def test_histories_are_those_of_a_run(scenario: Scenario, topics: RunTopics, record: RunRecord, tmp_path: Path) -> None:

@@ -10,14 +10,14 @@ from bags.runs.run_record import RunRecord
 from bags.watch.designs import design_run
 from bags.watch.monitors import RunMonitors, alarm_changes, monitors_of
 from bags.wire.convert import history_of, history_records
-from dgu_sim.detector_defaults import DETECTORS
+from bags.wire.settings import settings_of
 from dgu_sim.experiment import run_experiments
 from dgu_sim.grid import Link
 from dgu_sim.scenario import Scenario
-from dgu_sim.settings import DetectorSettings, ObserverSettings
 from monitor import detectors
 from monitor.history import Experiment, History
 from monitor.link_monitor import LinkMonitor
+from monitor.settings import DetectorSettings, ObserverSettings
 
 
 @pytest.fixture(scope="module", name="monitors")
@@ -25,7 +25,7 @@ def _monitors(record: RunRecord, scenario: Scenario) -> RunMonitors:
     histories = histories_of(record)
     still = np.zeros((20, 3))
     histories[3] = History((Experiment(np.empty((20, 0)), still, still, 0.01),), 0.01)
-    return monitors_of(design_run(record.topics, scenario.monitor, histories))
+    return monitors_of(design_run(record.topics, settings_of(scenario), histories))
 
 
 def test_refused_links_stay_silent(monitors: RunMonitors, record: RunRecord) -> None:
@@ -53,7 +53,7 @@ def test_stacked_monitors_have_the_bits_of_single_ones(
         received[step, position], delivered[step, position] = np.nan, False
     states, early = monitors.run(monitors.init(), received[:cut], delivered[:cut])
     _, late = monitors.run(states, received[cut:], delivered[cut:])
-    settings_ = scenario.monitor.detector
+    settings_ = settings_of(scenario).detector
     detector = detectors.build(settings_.kind, settings_.options, scenario.sampling_period_sec)
     for position, design in enumerate(monitors.designs):
         single = LinkMonitor(observer=design.observer, detector=detector)
@@ -74,7 +74,7 @@ def test_stacked_observers_of_other_kinds_have_the_bits_of_single_ones(
     kind: str, options: dict[str, object], record: RunRecord, scenario: Scenario
 ) -> None:
     """Observers around an operating point, and those without a state estimate, step together with the same bits."""
-    chosen = scenario.monitor.model_copy(update={"observer": ObserverSettings(kind=kind, options=options)})
+    chosen = settings_of(scenario).model_copy(update={"observer": ObserverSettings(kind=kind, options=options)})
     longer = scenario.model_copy(update={"history": scenario.history.model_copy(update={"samples": 60})})
     histories = {dgu: history_of(history_records(dgu, run_experiments(longer, dgu))) for dgu in record.topics.dgus}
     monitors = monitors_of(design_run(record.topics, chosen, histories))
@@ -113,9 +113,11 @@ def test_detectors_judge_many_steps_as_they_judge_each(kind: str, record: RunRec
         "calibrated": {"rate": 0.1},
         "noise_bound": {"noise": 0.05},
     }
-    options: dict[str, object] = {name: short[name] for name in short if name in DETECTORS[kind]}
+    options: dict[str, object] = {
+        name: short[name] for name in short if name in detectors.filled_in(kind, needed.get(kind, {}))
+    }
     options |= needed.get(kind, {})
-    chosen = scenario.monitor.model_copy(update={"detector": DetectorSettings(kind=kind, options=options)})
+    chosen = settings_of(scenario).model_copy(update={"detector": DetectorSettings(kind=kind, options=options)})
     monitors = monitors_of(design_run(record.topics, chosen, histories_of(record)))
     received, delivered = record.received[90:220].copy(), record.delivered[90:220].copy()
     received[70, 2], delivered[70, 2] = np.nan, False

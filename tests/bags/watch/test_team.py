@@ -17,8 +17,9 @@ from bags.runs.offline import simulate_to_bag
 from bags.runs.reader import open_run, read_run
 from bags.runs.replay import replay, replay_windows
 from bags.runs.run_record import RunRecord
+from bags.watch.scenarios import load_scenario, parse_scenario
 from bags.watch.team_record import TeamArrays, present
-from dgu_sim.scenario import Scenario, load_scenario, parse_scenario
+from dgu_sim.scenario import Scenario
 
 FIELDS = ("inputs", "phase", "alarm", "estimate", "disagreement", "threshold")
 SCENARIO = Path(__file__).parents[3] / "dcmg/scenarios/team_six_dgu.yaml"

@@ -15,9 +15,10 @@ from bags.runs.offline import simulate_to_bag
 from bags.runs.reader import open_run, read_run
 from bags.runs.replay import replay
 from bags.runs.run_record import RunRecord
+from bags.watch.scenarios import parse_scenario
 from dgu_sim.grid import Link
 from dgu_sim.records import Sample
-from dgu_sim.scenario import Scenario, parse_scenario
+from dgu_sim.scenario import Scenario
 from dgu_sim.simulate import simulate
 
 LINK = Link(1, 2)

@@ -11,11 +11,11 @@ from typer.testing import CliRunner
 
 from bags.runs.watching import watch
 from bags.watch.monitors import link_monitors
+from bags.watch.scenarios import load_scenario
 from dcmg.commands.measure import MEASURES, app
 from dcmg.measures import damage, false_alarms, roc
 from dcmg.shipped import scenario_path
 from dgu_sim.errors import AttackError
-from dgu_sim.scenario import load_scenario
 from dgu_sim.simulate import simulate
 from dgu_sim.stealthy_damage import Goal, Limits, largest_damage, responses_of
 

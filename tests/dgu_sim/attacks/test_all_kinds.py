@@ -6,12 +6,13 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from bags.watch.scenarios import parse_scenario
 from dgu_sim.attacks import KINDS
 from dgu_sim.errors import AttackError, ScenarioError
 from dgu_sim.grid import Link
 from dgu_sim.records import Sample
 from dgu_sim.relay import Action
-from dgu_sim.scenario import Scenario, parse_scenario
+from dgu_sim.scenario import Scenario
 from dgu_sim.simulate import Block, relay_of, simulate
 
 EXAMPLES = {

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from bags.watch.monitors import MonitorArrays, link_monitors
-from dgu_sim.scenario import load_scenario
+from bags.watch.scenarios import load_scenario
 from dgu_sim.simulate import simulate
 from monitor.detectors import Phase
 

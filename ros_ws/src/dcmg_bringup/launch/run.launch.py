@@ -11,9 +11,9 @@ from launch.actions import DeclareLaunchArgument, OpaqueFunction
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
+from bags.watch.scenarios import load_scenario
 from dcmg.shipped import scenario_path
 from dcmg_nodes.wiring import wiring_of
-from dgu_sim.scenario import load_scenario
 
 ARGUMENTS = {
     "scenario": ("gallo_six_dgu", "name of a shipped scenario or path of a file"),

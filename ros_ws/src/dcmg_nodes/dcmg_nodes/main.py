@@ -16,6 +16,7 @@ from bags.watch.designs import Told
 from bags.watch.histories import grid_history_of_run, histories_of_run, recorded_states
 from bags.wire.origin import attach_origin, host_facts
 from bags.wire.schema import ATTACKER_NODE, CLOCK_NODE, dgu_name, monitor_name
+from bags.wire.settings import settings_of
 from dcmg_nodes.attacker_node import AttackerNode
 from dcmg_nodes.clock_node import ClockConfig, ClockNode
 from dcmg_nodes.dgu_node import DguConfig, DguNode
@@ -81,6 +82,7 @@ class _Builder:
 
     def __init__(self, scenario: Scenario, options: NodeOptions, wiring: Wiring, host: Host, stack: ExitStack) -> None:
         self._scenario, self._options, self._wiring = scenario, options, wiring
+        self._settings = settings_of(scenario)
         self._host, self._stack = host, stack
         self._makers: dict[str, Callable[[], Ports]] = {
             CLOCK_NODE: self._clock,
@@ -116,13 +118,15 @@ class _Builder:
         return node.ports
 
     def _attacker(self) -> Ports:
-        relay, state = relay_of(self._scenario, recorded=recorded_states(self._scenario))
+        relay, state = relay_of(
+            self._scenario, recorded=recorded_states(self._scenario), ready_sec=self._settings.calibrated_sec
+        )
         return AttackerNode(self._wiring, self._host, relay, state, self._scenario.steps).ports
 
     def _monitor(self, dgu: int) -> Ports:
         designs = self._options.designs
         config = MonitorConfig(
-            told=Told(self._scenario.monitor, None if designs is None else read_carried(designs)),
+            told=Told(self._settings, None if designs is None else read_carried(designs)),
             steps=self._scenario.steps,
             newest=self._scenario.receiver.accept is Accept.NEWEST,
         )

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from bags.watch.team import plan_of
 from bags.wire.row import Need, named
 from bags.wire.schema import ATTACKER_NODE, CLOCK_NODE, dgu_name, monitor_name, topics_of
+from bags.wire.settings import settings_of
 from dgu_sim.unit import unit_of
 
 if TYPE_CHECKING:
@@ -93,5 +94,5 @@ def wiring_of(scenario: Scenario) -> Wiring:
         topics=topics,
         physical={dgu: unit_of(scenario, dgu).physical for dgu in dgus},
         plan=None if topics.team is None else plan_of(scenario, topics.team),
-        responds=scenario.monitor.response is not None,
+        responds=settings_of(scenario).response is not None,
     )

@@ -1,12 +1,12 @@
-"""The section `monitor.team` of a scenario: monitors that estimate the whole grid together."""
+"""What monitors are told that estimate the whole grid together."""
 
 from enum import StrEnum
-from typing import Annotated, Self
+from typing import Annotated, Self, final
 
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
 
-from dgu_sim.model import Frozen, Number, Spread3, Vector3, finding
+from monitor.settings.base import NonNegative, Number, Settings, Spread3, Vector3, finding
 
 __all__ = ["AnnouncedInput", "TeamEventKind", "TeamEventSettings", "TeamSettings", "TeamStructure"]
 
@@ -40,10 +40,10 @@ def _pair(value: object) -> object:
 
 
 Pair = Annotated[tuple[int, int], BeforeValidator(_pair)]
-NonNegative = Annotated[Number, Field(ge=0)]
 
 
-class TeamEventSettings(Frozen):
+@final
+class TeamEventSettings(Settings):
     """A member joins late, leaves, or lies for a while."""
 
     member: int = Field(description="Number of the DGU that hosts the member.")
@@ -65,7 +65,8 @@ class TeamEventSettings(Frozen):
         return self
 
 
-class TeamSettings(Frozen):
+@final
+class TeamSettings(Settings):
     """Every monitor estimates the whole grid and exchanges its estimate with its neighbours in the team."""
 
     structure: TeamStructure = Field(

@@ -4,25 +4,23 @@ from collections.abc import Sequence
 
 from dgu_sim.model import finding
 from dgu_sim.plant import Coupling
-from dgu_sim.sections import Sections
-from dgu_sim.team_settings import TeamEventKind, TeamSettings, TeamStructure
+from dgu_sim.scenario import Scenario
+from monitor.settings import TeamEventKind, TeamSettings, TeamStructure
 
 __all__ = ["check_team", "team_links"]
 
 _KEY = ("monitor", "team")
 
 
-def team_links(scenario: Sections) -> tuple[tuple[int, int], ...]:
+def team_links(scenario: Scenario, team: TeamSettings) -> tuple[tuple[int, int], ...]:
     """Return the pairs of members that exchange estimates."""
-    team = scenario.monitor.team
-    if team is not None and team.links is not None:
+    if team.links is not None:
         return team.links
     return tuple(line.between for line in scenario.lines)
 
 
-def check_team(scenario: Sections) -> None:
+def check_team(scenario: Scenario, team: TeamSettings | None) -> None:
     """Check that a team can exist and its events make sense; raises what `dgu_sim.model.finding` returns."""
-    team = scenario.monitor.team
     if team is None:
         return
     members = scenario.grid.dgus
@@ -30,7 +28,7 @@ def check_team(scenario: Sections) -> None:
         expected = "expected one connected grid: a team estimates what its members are coupled in"
         raise finding(_KEY, "on", expected)
     _check_links(team, members)
-    _check_connected(members, team_links(scenario))
+    _check_connected(members, team_links(scenario, team))
     _check_leader(team, members)
     _check_events(team, members)
     ready = team.settle_sec + team.calibrate_sec

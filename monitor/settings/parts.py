@@ -1,9 +1,13 @@
-"""The parts of the monitor section of a scenario file: what every DGU runs on what it receives."""
+"""The parts of what a monitor is told: what every DGU runs on what it receives."""
+
+from collections.abc import Mapping
+from typing import Any, final
 
 from pydantic import Field, model_validator
 
-from dgu_sim.detector_defaults import attack_free_sec, filled_in
-from dgu_sim.model import Frozen, finding
+from monitor.detectors import Detector, attack_free_sec, build, filled_in
+from monitor.errors import OptionError
+from monitor.settings.base import Settings, finding
 
 __all__ = [
     "DetectorSettings",
@@ -16,14 +20,16 @@ __all__ = [
 ]
 
 
-class ObserverSettings(Frozen):
+@final
+class ObserverSettings(Settings):
     """How a monitor designs its observer; checked by the monitor."""
 
     kind: str = Field(default="full_order", description="Name of the design method.")
     options: dict[str, object] = Field(default_factory=dict, description="Options of the design method.")
 
 
-class DetectorSettings(Frozen):
+@final
+class DetectorSettings(Settings):
     """How a monitor turns residuals into alarms; checked by the monitor."""
 
     kind: str = Field(default="fixed", description="Name of the detector.")
@@ -36,17 +42,29 @@ class DetectorSettings(Frozen):
     @classmethod
     def _fill_in(cls, data: object) -> object:
         """Make the detector's defaults explicit: the resolved scenario says everything a run used."""
-        if isinstance(data, dict) and isinstance(data.get("options", {}), dict):
+        if not isinstance(data, Mapping) or not isinstance(data.get("options", {}), Mapping):
+            return data
+        try:
             return {**data, "options": filled_in(data.get("kind", "fixed"), data.get("options", {}))}
-        return data
+        except OptionError as error:
+            raise finding(error.key, error.value, error.expected) from None
 
     @property
     def calibrated_sec(self) -> float:
         """Time at which an attack may start [s]: settling and calibration have ended."""
         return attack_free_sec(self.options)
 
+    def build(self, sampling_period_sec: float) -> Detector[Any]:
+        """Build the detector.
 
-class LocalSettings(Frozen):
+        Raises:
+            MonitorError: an option does not fit the sampling period.
+        """
+        return build(self.kind, self.options, sampling_period_sec)
+
+
+@final
+class LocalSettings(Settings):
     """The module of the own state: neighbours' received voltages against the own measurement."""
 
     decay: float = Field(default=0.5, gt=0, lt=1, description="Largest modulus of the observer's eigenvalues.")
@@ -56,9 +74,7 @@ class LocalSettings(Frozen):
     load_range_a: float = Field(
         default=0.0, ge=0, description="The own load stays this close to its nominal value [A]: less is no alarm."
     )
-    detector: DetectorSettings = Field(
-        default_factory=lambda: DetectorSettings.model_validate({}), description="The detector on its residual."
-    )
+    detector: DetectorSettings = Field(default_factory=DetectorSettings, description="The detector on its residual.")
 
     @property
     def calibrated_sec(self) -> float:
@@ -66,14 +82,16 @@ class LocalSettings(Frozen):
         return self.load_sec + self.detector.calibrated_sec
 
 
-class EstimatorSettings(Frozen):
+@final
+class EstimatorSettings(Settings):
     """How an unknown input is reconstructed; checked by the monitor."""
 
     kind: str = Field(default="one_step", description="Name of the design method.")
     options: dict[str, object] = Field(default_factory=dict, description="Options of the design method.")
 
 
-class LimitSettings(Frozen):
+@final
+class LimitSettings(Settings):
     """What is plausible of a neighbour's input: net and load current, and reference."""
 
     settle_sec: float = Field(default=0.5, ge=0, description="Time after every (re)start without a verdict [s].")
@@ -95,7 +113,8 @@ class LimitSettings(Frozen):
         return self
 
 
-class PlausibilitySettings(Frozen):
+@final
+class PlausibilitySettings(Settings):
     """The test of what must have acted on a neighbour if it tells the truth."""
 
     estimator: EstimatorSettings = Field(default_factory=EstimatorSettings, description="The estimator of the input.")
@@ -107,7 +126,8 @@ class PlausibilitySettings(Frozen):
         return self.limits.settle_sec + self.limits.calibrate_sec
 
 
-class ResponseSettings(Frozen):
+@final
+class ResponseSettings(Settings):
     """Secondary control goes on without an accused link."""
 
     quiet_sec: float = Field(
