@@ -19,7 +19,7 @@ MOST_NEIGHBOURS = 64
 """Bits of the masks in a Verdict message."""
 
 
-def load_scenario(path: Path, overrides: Sequence[str] = ()) -> Scenario:
+def load_scenario(path: Path | str, overrides: Sequence[str] = ()) -> Scenario:
     """Read and check a scenario file, what its monitors are told included.
 
     Args:
