@@ -12,6 +12,7 @@ from bags.reporting.documents import run_document
 from bags.reporting.judged import judge
 from bags.reporting.timeline import gather
 from dcmg.progress import shown
+from dcmg.strangers import strangers_document, strangers_table
 from dcmg.tabular import tabulate
 
 if TYPE_CHECKING:
@@ -24,10 +25,18 @@ if TYPE_CHECKING:
     from bags.reporting.team import TeamSummary
     from bags.reporting.timeline import Timeline
     from bags.runs.run_record import RunRecord
+    from dcmg.strangers import StrangeTopic
 
 
 def show_run(
-    windows: Iterable[RunRecord], steps: int, bag: Path, *, what: str, pictures: Path | None, json: bool
+    windows: Iterable[RunRecord],
+    steps: int,
+    bag: Path,
+    *,
+    what: str,
+    pictures: Path | None,
+    json: bool,
+    strangers: Sequence[StrangeTopic] | None = None,
 ) -> None:
     """Go through a run once, draw it, and print what it says.
 
@@ -38,6 +47,7 @@ def show_run(
         what: What is being done, for the progress bar.
         pictures: Folder of the PNG files, None: none.
         json: Print one JSON document instead of tables.
+        strangers: What others said on the topics of the run, None: nobody could.
     """
     timeline = gather(shown(windows, steps, what), steps)
     judged = judge(timeline)
@@ -49,7 +59,8 @@ def show_run(
             drawn = draw(timeline, judged, pictures)
     document = run_document(timeline, judged, bag)
     if json:
-        print(json_module.dumps({**document, "plots": [str(path) for path in drawn]}))  # noqa: T201
+        told = {} if strangers is None else {"strangers": strangers_document(strangers)}
+        print(json_module.dumps({**document, **told, "plots": [str(path) for path in drawn]}))  # noqa: T201
         return
     console = Console()
     seed = "" if document["seed"] is None else f", seed {document['seed']}"
@@ -58,6 +69,8 @@ def show_run(
     )
     for table in tables(timeline, judged):
         console.print(table)
+    if strangers:
+        console.print(strangers_table(strangers))
     console.print(f"bag:   {bag}", highlight=False, markup=False, soft_wrap=True)
     for path in drawn:
         console.print(f"plot:  {path}", highlight=False, markup=False, soft_wrap=True)

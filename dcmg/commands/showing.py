@@ -8,9 +8,11 @@ from typing import TYPE_CHECKING
 from rich.console import Console
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from bags.mcap.recording import Recording
+    from dcmg.strangers import StrangeTopic
     from dgu_sim.scenario import Scenario
 
 _PLOTS = "plots"
@@ -19,8 +21,23 @@ _PLOTS = "plots"
 messages = Console(stderr=True)
 
 
-def show(bag: Path, plots_dir: Path | None, *, json: bool, partial: bool) -> None:
-    """Read the bag back and show what it says: what a person sees is what is recorded."""
+def show(
+    bag: Path,
+    plots_dir: Path | None,
+    *,
+    json: bool,
+    partial: bool,
+    strangers: Sequence[StrangeTopic] | None = None,
+) -> None:
+    """Read the bag back and show what it says: what a person sees is what is recorded.
+
+    Args:
+        bag: The bag.
+        plots_dir: Where pictures go, None: none.
+        json: Print one JSON document instead of tables.
+        partial: Whether the bag holds too little for a report.
+        strangers: What others said on the topics of a run over ROS; None where there was no ROS.
+    """
     from bags.runs.reader import open_run  # noqa: PLC0415 (heavy)
     from dcmg.run_tables import show_run  # noqa: PLC0415
 
@@ -29,7 +46,7 @@ def show(bag: Path, plots_dir: Path | None, *, json: bool, partial: bool) -> Non
         return
     run = open_run(bag)
     pictures = None if plots_dir is None else plots_dir / _PLOTS
-    show_run(run.windows(), run.steps, bag, what="reading", pictures=pictures, json=json)
+    show_run(run.windows(), run.steps, bag, what="reading", pictures=pictures, json=json, strangers=strangers)
 
 
 def is_partial(scenario: Scenario, recording: Recording) -> bool:

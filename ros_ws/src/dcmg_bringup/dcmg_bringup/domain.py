@@ -2,7 +2,7 @@
 
 A domain is taken by holding an exclusive lock on its file in a folder of the user's own. The file says which run holds
 it, and the lock vanishes with the process, however it dies: so the files are also the list of running systems. What
-other users run is seen by its UDP ports.
+other users run is seen by its UDP ports. The nodes of a run have a second domain, for themselves alone.
 """
 
 from __future__ import annotations
@@ -28,6 +28,7 @@ DOMAINS = range(1, 102)
 _PRIVATE = 0o700
 REPLAY = "replay of "  # how the name of a system begins that plays a bag
 LAST_DOMAIN = 232  # beyond it there are no UDP ports left
+_INNER_DOMAINS = range(LAST_DOMAIN, 214, -1)  # above the ephemeral ports, where people do not look
 _VARIABLE = "ROS_DOMAIN_ID"
 _PORT_BASE, _PORTS_PER_DOMAIN, _FIRST_UNICAST, _CHECKED_PORTS = 7400, 250, 10, 4
 
@@ -75,6 +76,40 @@ def checked_domain(domain: int | None) -> int | None:
 
 
 @contextmanager
+def inner_domain(public: int) -> Iterator[int]:
+    """Hold a ROS domain id for the nodes of one run alone, for the time of the `with` block.
+
+    It is held by a socket that the kernel knows by its name alone: every user and every run of this machine sees it.
+
+    Args:
+        public: where outsiders join the run; not this one.
+
+    Raises:
+        DomainError: none is free.
+    """
+    for domain in (*_INNER_DOMAINS, *reversed(DOMAINS)):
+        with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as holder:
+            if domain != public and _try_hold(holder, domain) and _ports_are_free(domain):
+                yield domain
+                return
+    raise DomainError("no ROS domain id is free for the nodes of another run on this machine: wait for one to end")
+
+
+def _try_hold(holder: socket.socket, domain: int) -> bool:
+    try:
+        holder.bind(f"\0dcmg-nodes-of-a-run-{domain}")
+    except OSError:
+        return False
+    return True
+
+
+def _is_inner(domain: int) -> bool:
+    """Whether the nodes of a run have a domain for themselves."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as holder:
+        return not _try_hold(holder, domain)
+
+
+@contextmanager
 def choose_domain(wanted: int | None = None, *, scenario: str = "", out: str = "") -> Iterator[int]:
     """Hold a free ROS domain id for the time of the `with` block.
 
@@ -89,7 +124,7 @@ def choose_domain(wanted: int | None = None, *, scenario: str = "", out: str = "
     for domain in DOMAINS if wanted is None else (wanted,):
         handle = _open_lock(domain)
         try:
-            if not _try_lock(handle) or (wanted is None and not _ports_are_free(domain)):
+            if not _try_lock(handle) or _is_inner(domain) or (wanted is None and not _ports_are_free(domain)):
                 continue
             system = RunningSystem(domain=domain, pid=os.getpid(), scenario=scenario, out=out)
             os.ftruncate(handle, 0)

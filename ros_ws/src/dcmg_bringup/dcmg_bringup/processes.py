@@ -25,14 +25,15 @@ from bags.orphans import die_with, is_stopped
 from dcmg.errors import CommandError
 from dcmg_bringup.interruptions import end_by_signals, held_back
 from dcmg_bringup.reaper import Reaper
-from dcmg_nodes.wiring import RECORDER_NODE
+from dcmg_nodes.options import GATE
+from dcmg_nodes.wiring import RECORDER_NODE, wiring_of
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Callable, Mapping, Sequence
     from multiprocessing.context import ForkProcess
     from pathlib import Path
 
-    from dcmg_nodes.options import NodeOptions
+    from dcmg_nodes.options import GateOptions, NodeOptions
     from dgu_sim.scenario import Scenario
 
 _INTERRUPT_GRACE_SEC = 3.0
@@ -73,6 +74,7 @@ class ProcessGroup:
         scenario: what they run.
         options: how they run it.
         log_dir: folder that gets one `<name>.log` each.
+        gate: where outsiders meet the run, None: in the domain of its nodes. No run ends for its gate.
 
     Raises:
         CommandError: the machine gives no process, file or memory more; what was started has been ended.
@@ -80,7 +82,12 @@ class ProcessGroup:
     """
 
     def __init__(
-        self, nodes: Mapping[str, Sequence[str]], scenario: Scenario, options: NodeOptions, log_dir: Path
+        self,
+        nodes: Mapping[str, Sequence[str]],
+        scenario: Scenario,
+        options: NodeOptions,
+        log_dir: Path,
+        gate: GateOptions | None = None,
     ) -> None:
         """Start every process."""
         if "rclpy" in sys.modules:
@@ -95,7 +102,7 @@ class ProcessGroup:
         self._recording = {name for name, members in nodes.items() if RECORDER_NODE in members}
         self._reaper: Reaper | None = None
         try:
-            self._start(nodes, scenario, options)
+            self._start(nodes, scenario, options, gate)
         except OSError as error:
             self.stop()
             started = f"{len(self._processes)} of {len(nodes)} node processes"
@@ -104,19 +111,31 @@ class ProcessGroup:
             self.stop()
             raise
 
-    def _start(self, nodes: Mapping[str, Sequence[str]], scenario: Scenario, options: NodeOptions) -> None:
-        context = multiprocessing.get_context("fork")
+    def _start(
+        self,
+        nodes: Mapping[str, Sequence[str]],
+        scenario: Scenario,
+        options: NodeOptions,
+        gate: GateOptions | None,
+    ) -> None:
         self._reaper = reaper = Reaper()
         for name, members in nodes.items():
             log = self._log_dir / f"{name}.log"
-            process = context.Process(
-                target=_node_process, args=(os.getpid(), reaper, log, members, (scenario, options)), name=name
-            )
-            with held_back():
-                process.start()
-                self._processes[name] = process
-                if process.pid is not None:
-                    reaper.look_after(process.pid)
+            self._fork(name, _node_process, (os.getpid(), reaper, log, members, (scenario, options)))
+        if gate is not None:
+            self._fork(GATE, _gate_process, (os.getpid(), reaper, self._log_dir / f"{GATE}.log", scenario, gate))
+
+    def _fork(self, name: str, target: Callable[..., None], arguments: tuple[object, ...]) -> None:
+        process = multiprocessing.get_context("fork").Process(target=target, args=arguments, name=name)
+        with held_back():
+            process.start()
+            self._processes[name] = process
+            if process.pid is not None and self._reaper is not None:
+                self._reaper.look_after(process.pid)
+
+    @property
+    def _nodes(self) -> dict[str, ForkProcess]:
+        return {name: process for name, process in self._processes.items() if name != GATE}
 
     @property
     def pids(self) -> tuple[int, ...]:
@@ -125,18 +144,22 @@ class ProcessGroup:
 
     def death(self) -> Death | None:
         """Return the first process that ended with an error, if any."""
-        for name, process in self._processes.items():
+        for name, process in self._nodes.items():
             if process.exitcode:
                 return Death(process=name, reason=self._reason(name, process.exitcode))
         return None
 
     def left(self) -> list[str]:
         """Return the names of the processes that ended well."""
-        return [name for name, process in self._processes.items() if process.exitcode == 0]
+        return [name for name, process in self._nodes.items() if process.exitcode == 0]
 
     def stopped(self) -> list[str]:
         """Return the names of the processes that a signal has stopped (SIGSTOP, SIGTSTP)."""
-        return [name for name, process in self._processes.items() if is_stopped(process.pid)]
+        return [name for name, process in self._nodes.items() if is_stopped(process.pid)]
+
+    def has_ended(self) -> bool:
+        """Whether no node is left."""
+        return all(process.exitcode is not None for process in self._nodes.values())
 
     def wait(self, timeout_sec: float) -> bool:
         """Wait for all processes to end by themselves; tell whether they did."""
@@ -192,17 +215,11 @@ def _allow_files(processes: int) -> None:
 def _node_process(
     parent: int, reaper: Reaper, log: Path, members: Sequence[str], what: tuple[Scenario, NodeOptions]
 ) -> None:
-    """Be the node process: own session (Ctrl-C reaches the supervisor alone), own log, own title."""
+    """Be a node process."""
     end_by_signals()
     die_with(parent, signal.SIGINT if RECORDER_NODE in members else signal.SIGKILL)  # a recorder closes its bag
-    reaper.forget()
     scenario, options = what
-    os.setsid()
-    handle = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
-    null = os.open(os.devnull, os.O_RDONLY)
-    for source, target in ((null, 0), (handle, 1), (handle, 2)):
-        os.dup2(source, target)
-    setproctitle.setproctitle(f"dcmg node {' '.join(members)} --out {options.out}")
+    _stand_alone(reaper, log, f"dcmg node {' '.join(members)} --out {options.out}")
     from dcmg_nodes.main import run_nodes  # noqa: PLC0415 (imports rclpy, which must follow the fork)
 
     failure = run_nodes(members, scenario, options)
@@ -210,3 +227,24 @@ def _node_process(
         sys.stderr.write(f"{failure}\n")
         sys.stderr.flush()
         os._exit(_EXIT_FAILED)
+
+
+def _gate_process(parent: int, reaper: Reaper, log: Path, scenario: Scenario, options: GateOptions) -> None:
+    """Be the gate's process."""
+    end_by_signals()
+    die_with(parent)
+    _stand_alone(reaper, log, f"dcmg {GATE} {options.folder}")
+    from dcmg_nodes.gate import run_gate  # noqa: PLC0415 (imports rclpy, which must follow the fork)
+
+    run_gate(wiring_of(scenario), options)
+
+
+def _stand_alone(reaper: Reaper, log: Path, title: str) -> None:
+    """Take a session (Ctrl-C reaches the supervisor alone), a log and a title of one's own."""
+    reaper.forget()
+    os.setsid()
+    handle = os.open(log, os.O_WRONLY | os.O_CREAT | os.O_TRUNC, 0o644)
+    null = os.open(os.devnull, os.O_RDONLY)
+    for source, target in ((null, 0), (handle, 1), (handle, 2)):
+        os.dup2(source, target)
+    setproctitle.setproctitle(title)

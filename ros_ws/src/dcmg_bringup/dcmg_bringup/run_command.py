@@ -152,7 +152,8 @@ def _ended(outcome: RunOutcome, scenario: Scenario, out: Path, recording: Record
             markup=False,
             soft_wrap=True,
         )
-    show(outcome.bag, out if plots else None, json=json, partial=is_partial(scenario, recording))
+    partial = is_partial(scenario, recording)
+    show(outcome.bag, out if plots else None, json=json, partial=partial, strangers=outcome.strangers)
     if outcome.interrupted and not _is_forever(scenario):
         return _EXIT_INTERRUPTED
     return _EXIT_FAILED if outcome.lost else 0

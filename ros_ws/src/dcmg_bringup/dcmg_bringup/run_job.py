@@ -10,12 +10,13 @@ from bags.mcap.container import open_container
 from bags.mcap.errors import BagError
 from bags.mcap.recording import Recording
 from bags.mcap.repair import repair
-from dcmg_bringup.domain import choose_domain
+from dcmg_bringup.domain import choose_domain, inner_domain
 from dcmg_bringup.interruptions import interruptions
 from dcmg_bringup.processes import ProcessGroup
 from dcmg_bringup.ros_environment import ros_environment
+from dcmg_bringup.strangers import Strangers
 from dcmg_bringup.watchdog import Watchdog
-from dcmg_nodes.options import BAG, NodeOptions, PacingMode
+from dcmg_nodes.options import BAG, STRANGERS, GateOptions, NodeOptions, PacingMode
 from dcmg_nodes.wiring import wiring_of
 
 if TYPE_CHECKING:
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 
     from dcmg_msgs.msg import Alarm
 
+    from dcmg.strangers import StrangeTopic
     from dcmg_nodes.wiring import Wiring
     from dgu_sim.scenario import Scenario
 
@@ -78,6 +80,7 @@ class RunOutcome:
         deadline_misses: ticks released more than a sampling period late (realtime pacing).
         failure: one line when the run failed, naming node and step.
         interrupted: Ctrl-C ended it.
+        strangers: what was said on its topics by others, and set aside.
     """
 
     bag: Path
@@ -86,6 +89,7 @@ class RunOutcome:
     deadline_misses: int
     failure: str | None
     interrupted: bool
+    strangers: Sequence[StrangeTopic] = ()
 
 
 def run_job(scenario: Scenario, out: Path, options: RunOptions, display: Display) -> RunOutcome:
@@ -96,8 +100,11 @@ def run_job(scenario: Scenario, out: Path, options: RunOptions, display: Display
     """
     out.mkdir(parents=True, exist_ok=True)
     (out / "scenario.yaml").write_text(scenario.to_yaml())
-    with choose_domain(options.domain, scenario=scenario.name, out=str(out)) as domain:
-        os.environ.update(ros_environment(domain))
+    with (
+        choose_domain(options.domain, scenario=scenario.name, out=str(out)) as domain,
+        inner_domain(public=domain) as inner,
+    ):
+        os.environ.update(ros_environment(inner))
         display.say(f"other ROS programs join this run after: export ROS_DOMAIN_ID={domain}")
         wiring = wiring_of(scenario)
         wiring.warm_up()
@@ -109,11 +116,12 @@ def run_job(scenario: Scenario, out: Path, options: RunOptions, display: Display
             recording=options.recording,
             designs=options.designs,
         )
+        gate = GateOptions(inner=inner, public=domain, folder=out / STRANGERS)
         with interruptions() as told:
-            group = ProcessGroup(nodes, scenario, node_options, out / "log")
+            group = ProcessGroup(nodes, scenario, node_options, out / "log", gate)
             try:
                 watchdog = Watchdog(group, _silence_sec(scenario, node_options))
-                return _follow(wiring, group, watchdog, bag=out / BAG, display=display, told=told)
+                return _follow(wiring, group, watchdog, out=out, display=display, told=told)
             finally:
                 group.stop()
 
@@ -125,7 +133,7 @@ def _silence_sec(scenario: Scenario, options: NodeOptions) -> float:
 
 
 def _follow(
-    wiring: Wiring, group: ProcessGroup, watchdog: Watchdog, *, bag: Path, display: Display, told: Sequence[int]
+    wiring: Wiring, group: ProcessGroup, watchdog: Watchdog, *, out: Path, display: Display, told: Sequence[int]
 ) -> RunOutcome:
     from dcmg_nodes.view_node import ViewNode  # noqa: PLC0415 (needs the ROS environment of this run)
 
@@ -138,13 +146,15 @@ def _follow(
 
     alarms = [topic.name for topic in wiring.topics.all if topic.type_name == "dcmg_msgs/msg/Alarm"]
     view = ViewNode(alarms, on_alarm)
+    strangers = Strangers(out / STRANGERS, display.say)
     trouble, stalled = None, False
     try:
         while not (view.end or trouble or stalled or told):
             view.spin(_SPIN_SEC)
             display.steps(view.progress.steps)
+            strangers.look()
             trouble, stalled = watchdog.look(view.progress.steps), bool(view.progress.waiting_for)
-            if trouble is None and group.wait(0.0):
+            if trouble is None and group.has_ended():
                 break  # all have ended well; the news of the end can be lost with the recorder that told it
         if not told:
             view.close()  # the recorder waits until nobody listens to the end of the run
@@ -153,6 +163,8 @@ def _follow(
     finally:
         group.stop()
         view.close()
+    strangers.look()
+    bag = out / BAG
     steps = _recorded_steps(bag, wiring)
     display.steps(steps)
     failure = None
@@ -168,6 +180,7 @@ def _follow(
         deadline_misses=view.pacing.deadline_misses,
         failure=failure,
         interrupted=bool(told),
+        strangers=strangers.topics,
     )
 
 

@@ -10,6 +10,7 @@ from dcmg_msgs.msg import AttackEvent
 from dcmg_msgs.srv import ListAttacks, StartAttack, StopAttack
 
 from bags.wire.schema import ATTACKER_NODE
+from dcmg_nodes.attack_services import LIST_SERVICE, START_SERVICE, STOP_SERVICE
 from dcmg_nodes.inbox import Inbox
 from dcmg_nodes.ports import Ports
 from dcmg_nodes.second_publisher import SecondPublishers
@@ -24,8 +25,6 @@ if TYPE_CHECKING:
     from dcmg_nodes.host import Host
     from dcmg_nodes.wiring import Wiring
     from dgu_sim.relay import Relay, RelayEvent, RelayState
-
-START_SERVICE, STOP_SERVICE, LIST_SERVICE = "/attacks/start", "/attacks/stop", "/attacks/list"
 
 
 class AttackerNode:

@@ -24,7 +24,7 @@ def make_executor(kind: ExecutorKind, node: Node) -> Executor:
     SingleThreadedExecutor, with a warning in the node's log.
     """
     if kind is ExecutorKind.EVENTS:
-        executor = _events_executor()
+        executor = _events_executor(node)
         if executor is not None:
             executor.add_node(node)
             if _dispatches(executor, node):
@@ -32,7 +32,7 @@ def make_executor(kind: ExecutorKind, node: Node) -> Executor:
             executor.remove_node(node)
             executor.shutdown()
         node.get_logger().warning("the EventsExecutor of this rclpy does not dispatch: using SingleThreadedExecutor")
-    fallback = SingleThreadedExecutor()
+    fallback = SingleThreadedExecutor(context=node.context)
     fallback.add_node(node)
     return fallback
 
@@ -43,12 +43,12 @@ def spin_until(executor: Executor, done: Future, timeout_sec: float = _BOUNDED_F
     return bool(done.done())
 
 
-def _events_executor() -> Executor | None:
+def _events_executor(node: Node) -> Executor | None:
     try:
         from rclpy.experimental import EventsExecutor  # noqa: PLC0415 (absent from older rclpy)
     except ImportError:
         return None
-    executor: Executor = EventsExecutor()
+    executor: Executor = EventsExecutor(context=node.context)
     return executor
 
 

@@ -12,6 +12,9 @@ if TYPE_CHECKING:
     from pathlib import Path
 
 BAG = "bag"  # folder of the bag below the folder of the run
+STRANGERS = "strangers"  # folder beside it: what was said on the run's topics by others
+STRANGERS_SUMMARY = "summary.json"  # in that folder
+GATE = "gate"
 
 
 class PacingMode(Enum):
@@ -51,3 +54,18 @@ class NodeOptions:
     stall_timeout_sec: float = 8.0
     recording: Recording = field(default_factory=Recording)
     designs: Path | None = None
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class GateOptions:
+    """Where the gate stands.
+
+    Attributes:
+        inner: ROS domain id of the nodes.
+        public: ROS domain id of everybody else.
+        folder: where to keep what strangers say.
+    """
+
+    inner: int
+    public: int
+    folder: Path

@@ -1,0 +1,85 @@
+"""The gate of a run: the only process that is in the domain of its nodes and in the public one.
+
+The nodes of a run meet in a ROS domain of their own, which nobody is told of. Its public domain holds no node, only
+the gate: it repeats what outsiders listen to (`mirror`), carries their requests to the attacker (`errands`), and
+listens to what they say on the run's topics (`outside`). No message passes inward.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+from contextlib import ExitStack
+from importlib import resources
+from typing import TYPE_CHECKING
+
+import rclpy
+from dcmg_msgs.msg import RunEnd
+from rclpy.duration import Duration
+from rclpy.node import Node
+from rclpy.task import Future
+
+from bags.wire.schema import ATTACKER_NODE
+from dcmg_nodes.errands import Errands
+from dcmg_nodes.executor import make_executor, spin_until
+from dcmg_nodes.lifetime import Lifetime
+from dcmg_nodes.mirror import Mirror
+from dcmg_nodes.options import GATE, ExecutorKind
+from dcmg_nodes.outside import EARS_NODE, Outside
+from dcmg_nodes.ports import CONTROL_QOS
+from dcmg_nodes.public import public_topics
+from dcmg_nodes.ros_arguments import ros_arguments
+from dcmg_nodes.wiring import END
+
+if TYPE_CHECKING:
+    from dcmg_nodes.options import GateOptions
+    from dcmg_nodes.wiring import Wiring
+
+_SIGNAL_CHECK_SEC = 0.1
+_LAST_SEC = 0.2
+_INNER_NODE = "dcmg_gate"
+
+
+def run_gate(wiring: Wiring, options: GateOptions) -> None:
+    """Keep the gate until the run ends."""
+    os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(resources.files("dcmg_nodes") / "gate.xml")
+    lifetime = Lifetime((GATE,))
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: lifetime.interrupt())
+    with ExitStack() as stack:
+        inner = _node(_INNER_NODE, options.inner, stack)
+        face_context = _context(options.public, stack)
+        faces = {name: _node_in(name, face_context, stack) for name in wiring.nodes}
+        ears = _node(EARS_NODE, options.public, stack)
+        topics = public_topics(wiring)
+        outside = Outside(ears, topics, options.folder)
+        mirror = Mirror(inner, faces, topics)
+        errands = Errands(inner, faces[ATTACKER_NODE])
+        stack.callback(errands.close)
+        end = inner.create_subscription(RunEnd, END, lambda _: lifetime.leave(GATE), CONTROL_QOS)
+        inner.create_timer(_SIGNAL_CHECK_SEC, lambda: None)  # Python sees signals between callbacks only
+        executor = make_executor(ExecutorKind.EVENTS, inner)
+        stack.callback(executor.shutdown)
+        executor.add_node(ears)
+        spin_until(executor, lifetime.over)
+        spin_until(executor, Future(), _LAST_SEC)  # the end is repeated, too
+        outside.look()
+        mirror.settle(Duration(seconds=_LAST_SEC))
+        inner.destroy_subscription(end)
+
+
+def _context(domain: int, stack: ExitStack) -> rclpy.Context:
+    context = rclpy.Context()
+    context.init(args=ros_arguments(), domain_id=domain)
+    stack.callback(context.try_shutdown)
+    return context
+
+
+def _node(name: str, domain: int, stack: ExitStack) -> Node:
+    return _node_in(name, _context(domain, stack), stack)
+
+
+def _node_in(name: str, context: rclpy.Context, stack: ExitStack) -> Node:
+    node = Node(name, context=context, enable_rosout=False, start_parameter_services=False)
+    stack.callback(node.destroy_node)
+    return node
