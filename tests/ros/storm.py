@@ -9,6 +9,7 @@ import json
 import math
 import sys
 import time
+from collections import Counter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -100,9 +101,9 @@ class Storm:
             self._executor.spin_once(timeout_sec=0.05)
         return alone
 
-    def blow(self) -> int:
-        """Send every form on every topic; return how many messages those are."""
-        sent = 0
+    def blow(self) -> Counter[str]:
+        """Send every form on every topic; return how many messages those are of each."""
+        sent: Counter[str] = Counter()
         for publisher, kind in self._publishers:
             self._executor.spin_once(timeout_sec=0.0)
             for data in forms(kind, self._heard.get(publisher.topic_name), self._step):
@@ -110,7 +111,7 @@ class Storm:
                     publisher.publish(data)
                 except rclpy_implementation.RCLError:
                     continue  # longer than its type can be
-                sent += 1
+                sent[publisher.topic_name] += 1
             time.sleep(0.002)  # a burst would only lose its own messages
         for wrong in self._wrong:
             wrong.publish(String(data="not what is spoken here"))

@@ -82,8 +82,9 @@ def test_a_run_is_the_same_whoever_speaks_and_listens(
     assert "stranger: /stray_types (std_msgs/msg/String) publishes on /clock" in finished.err
     document = json.loads(finished.out)
     told = document["strangers"]
-    assert {"/tick", "/dgu_1/state", "/dgu_2/received/dgu_1", "/run/end", "/diagnostics"} <= {
-        one["topic"] for one in told
-    }
-    assert sum(one["messages"] for one in told) == said["sent"]
+    heard = {one["topic"]: one["messages"] for one in told}
+    assert heard.keys() == said["sent"].keys()
+    assert {"/tick", "/dgu_1/state", "/dgu_2/received/dgu_1", "/run/end", "/diagnostics"} <= heard.keys()
+    # a publisher of a short queue replaces its own messages before they leave: fewer may come than were sent
+    assert all(0 < number <= said["sent"][topic] for topic, number in heard.items())
     assert_undisturbed(run.bag, short_scenario, document["steps"], dcmg, tmp_path / "simulated")
