@@ -1,6 +1,6 @@
 """A program that does not belong to a run: it publishes on every topic of one, in every form, and says how often.
 
-python storm.py SCENARIO [SECONDS]        (in the run's ROS domain; SECONDS: again and again for so long)
+python storm.py SCENARIO LISTENERS     (in the run's ROS domain, where so many others listen to every topic)
 """
 
 from __future__ import annotations
@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import rclpy
+from rclpy.duration import Duration
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
@@ -82,7 +83,9 @@ class Storm:
         self._heard: dict[str, bytes] = {}
         self._step = 0
         self._publishers: list[tuple[Publisher, type[Any]]] = []
-        for topic in public_topics(wiring_of(load_scenario(scenario))):
+        topics = public_topics(wiring_of(load_scenario(scenario)))
+        self._readers = [topic.readers for topic in topics]
+        for topic in topics:
             kind = message_class(topic.type_name)
             self._publishers.append((self._node.create_publisher(kind, topic.name, topic.qos), kind))
         tick = message_class("dcmg_msgs/msg/Tick")
@@ -92,14 +95,16 @@ class Storm:
         other = Node(OTHER_TYPE, context=self._other)
         self._wrong = [other.create_publisher(String, one.topic_name, 10) for one, _ in self._publishers]
 
-    def wait(self) -> list[str]:
-        """Wait until every publisher has a reader; return the topics of those that have none."""
+    def wait(self, listeners: int) -> list[str]:
+        """Wait until the run and the others read every publisher; return the topics where some do not."""
         deadline = time.monotonic() + MATCHED_SEC
-        while (alone := [one.topic_name for one, _ in self._publishers if not one.get_subscription_count()]) and (
-            time.monotonic() < deadline
-        ):
+        while (alone := self._alone(listeners)) and time.monotonic() < deadline:
             self._executor.spin_once(timeout_sec=0.05)
         return alone
+
+    def _alone(self, listeners: int) -> list[str]:
+        found = zip(self._publishers, self._readers, strict=True)
+        return [one.topic_name for (one, _), own in found if one.get_subscription_count() < own + listeners]
 
     def blow(self) -> Counter[str]:
         """Send every form on every topic; return how many messages those are of each."""
@@ -117,20 +122,24 @@ class Storm:
             wrong.publish(String(data="not what is spoken here"))
         return sent
 
+    def settle(self) -> None:
+        """Wait until whoever listens has it all."""
+        for publisher, _ in self._publishers:
+            publisher.wait_for_all_acked(Duration(seconds=MATCHED_SEC))
+        time.sleep(0.5)  # those of another type have no reader that could tell
+
     def _on_tick(self, tick: Any) -> None:  # noqa: ANN401 (generated class)
         self._step = tick.step
 
 
-def main(scenario: Path, seconds: float) -> None:
-    """Blow at least once."""
+def main(scenario: Path, listeners: int) -> None:
+    """Blow once."""
     storm = Storm(scenario)
-    alone = storm.wait()
-    end, sent = time.monotonic() + seconds, storm.blow()
-    while time.monotonic() < end:
-        sent += storm.blow()
-    time.sleep(1.0)  # for the last messages to leave
+    alone = storm.wait(listeners)
+    sent = storm.blow()
+    storm.settle()
     sys.stdout.write(json.dumps({"unmatched": alone, "sent": sent}))
 
 
 if __name__ == "__main__":
-    main(Path(sys.argv[1]), float(sys.argv[2]) if sys.argv[2:] else 0.0)
+    main(Path(sys.argv[1]), int(sys.argv[2]))

@@ -171,12 +171,12 @@ class ProcessGroup:
         return True
 
     def stop(self) -> None:
-        """Interrupt the recorder, which closes its bag, and insist; kill the others, which have nothing to lose.
+        """Interrupt the recorder, which closes its bag, and the gate, which says what it heard; kill the others.
 
         After this call no process is left.
         """
         for name, process in self._processes.items():
-            if name not in self._recording and process.exitcode is None:
+            if name not in self._recording and name != GATE and process.exitcode is None:
                 process.kill()
         for number, grace_sec in (
             (signal.SIGINT, _INTERRUPT_GRACE_SEC),

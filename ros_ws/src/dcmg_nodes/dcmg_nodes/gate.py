@@ -37,6 +37,7 @@ if TYPE_CHECKING:
 
 _SIGNAL_CHECK_SEC = 0.1
 _LAST_SEC = 0.2
+_MOST_LAST = 10
 _INNER_NODE = "dcmg_gate"
 
 
@@ -62,7 +63,11 @@ def run_gate(wiring: Wiring, options: GateOptions) -> None:
         stack.callback(executor.shutdown)
         executor.add_node(ears)
         spin_until(executor, lifetime.over)
-        spin_until(executor, Future(), _LAST_SEC)  # the end is repeated, too
+        for _ in range(_MOST_LAST):  # the end is repeated, too, and what has come is heard
+            taken = outside.taken
+            spin_until(executor, Future(), _LAST_SEC)
+            if outside.taken == taken:
+                break
         outside.look()
         mirror.settle(Duration(seconds=_LAST_SEC))
         inner.destroy_subscription(end)

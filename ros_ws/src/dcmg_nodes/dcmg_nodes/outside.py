@@ -16,6 +16,7 @@ from dcmg_nodes.ports import message_class
 if TYPE_CHECKING:
     from collections.abc import Sequence
     from pathlib import Path
+    from typing import TextIO
 
     from rclpy.node import Node
 
@@ -24,6 +25,7 @@ if TYPE_CHECKING:
 EARS_NODE = "dcmg_outside"  # its subscriptions are nobody's wish to listen
 MESSAGES = "messages.jsonl"
 _LOOK_SEC = 0.25
+_NOT_YET_KNOWN = "_NODE_NAME_UNKNOWN_"
 _KEPT = 1000  # messages of a topic that are kept word for word
 _KEPT_BYTES = 4096  # of each
 _EAR_QOS = QoSProfile(depth=1000, reliability=ReliabilityPolicy.RELIABLE)  # as the run's own readers are
@@ -56,11 +58,13 @@ class Outside:
         self._node, self._topics, self._folder = node, topics, folder
         self._heard: dict[str, Heard] = {}
         self._changed = False
+        self._log: TextIO | None = None
+        self.taken = 0  # messages, by all its subscriptions
         self._subscriptions = []
         for topic in topics:
             kind = message_class(topic.type_name)
             for number in range(topic.readers):
-                callback = partial(self._hear, topic) if number == 0 else _ignore
+                callback = partial(self._hear, topic) if number == 0 else self._ignore
                 self._subscriptions.append(node.create_subscription(kind, topic.name, callback, _EAR_QOS, raw=True))
         self._timer = node.create_timer(_LOOK_SEC, self.look)
 
@@ -78,20 +82,28 @@ class Outside:
             part.replace(self._folder / STRANGERS_SUMMARY)
 
     def _hear(self, topic: PublicTopic, data: bytes) -> None:
+        self.taken += 1
         heard = self._heard.get(topic.name)
         if heard is None or not heard.publishers:
             heard = self._note_publishers(topic)
         heard.messages += 1
         self._changed = True
         if heard.messages <= _KEPT:
-            self._folder.mkdir(exist_ok=True)
+            if self._log is None:
+                self._folder.mkdir(exist_ok=True)
+                self._log = (self._folder / MESSAGES).open("a", buffering=1)
             line = {"received_sec": time.time(), "topic": topic.name, "type": topic.type_name, "bytes": len(data)}
-            with (self._folder / MESSAGES).open("a") as stream:
-                stream.write(json.dumps({**line, "cdr": data[:_KEPT_BYTES].hex()}) + "\n")
+            self._log.write(json.dumps({**line, "cdr": data[:_KEPT_BYTES].hex()}) + "\n")
+
+    def _ignore(self, _data: bytes) -> None:
+        """Not the first reader of its topic: the first has heard it."""
+        self.taken += 1
 
     def _note_publishers(self, topic: PublicTopic) -> Heard:
         heard = self._heard.setdefault(topic.name, Heard())
         for endpoint in self._node.get_publishers_info_by_topic(topic.name):
+            if endpoint.node_name == _NOT_YET_KNOWN:
+                continue  # its name comes a little later; `look` finds it then
             name = f"{endpoint.node_namespace.rstrip('/')}/{endpoint.node_name}"
             if endpoint.topic_type != topic.type_name:
                 name += f" ({endpoint.topic_type})"
@@ -99,7 +111,3 @@ class Outside:
                 heard.publishers.append(name)
                 self._changed = True
         return heard
-
-
-def _ignore(_data: bytes) -> None:
-    """Not the first reader of its topic: the first has heard it."""
