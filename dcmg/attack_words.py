@@ -15,6 +15,7 @@ from dgu_sim.attacks import KINDS, build_attack, known_kind
 from dgu_sim.grid import Link
 from dgu_sim.scenario_file import WAVEFORM
 from dgu_sim.table_file import ATTACK_COLUMNS, TableFileError, embed_table
+from dgu_sim.yaml_limits import load_within_limits
 
 if TYPE_CHECKING:
     from collections.abc import Mapping, Sequence
@@ -133,7 +134,7 @@ def _value(name: str, words: Sequence[str]) -> object:
     if not words:
         raise CommandError(f"--{name.replace('_', '-')}: expected a value behind it")
     try:
-        values = [yaml.safe_load(word) for word in words]
+        values = [load_within_limits(word) for word in words]
     except yaml.YAMLError:
         raise CommandError(f"--{name.replace('_', '-')} {' '.join(words)}: expected numbers, words or JSON") from None
     return values[0] if len(values) == 1 else values

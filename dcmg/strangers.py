@@ -5,11 +5,12 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING
 
-from rich.markup import escape
-from rich.table import Table
+from dcmg.tabular import tabulate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from rich.table import Table
 
 _NAMED = 3
 
@@ -36,16 +37,14 @@ def strangers_document(topics: Sequence[StrangeTopic]) -> list[dict[str, object]
 
 def strangers_table(topics: Sequence[StrangeTopic]) -> Table:
     """Return a row for each group of publishers that speak on the same topics."""
-    table = Table("stranger", "on topic", "messages set aside")
-    table.columns[-1].justify = "right"
-    for column in table.columns:
-        column.overflow = "fold"
     groups: dict[tuple[str, ...], list[StrangeTopic]] = {}
     for topic in topics:
         groups.setdefault(topic.publishers, []).append(topic)
+    cells = []
     for publishers, rows in groups.items():
         names = ", ".join(row.topic for row in rows[:_NAMED])
         more = f" and {len(rows) - _NAMED} more" if rows[_NAMED:] else ""
         who = ", ".join(publishers) or "unknown"
-        table.add_row(escape(who), escape(names + more), str(sum(row.messages for row in rows)), style="yellow")
-    return table
+        cells.append((who, names + more, str(sum(row.messages for row in rows))))
+    counts = "messages set aside"
+    return tabulate(("stranger", "on topic", counts), cells, numbers={counts}, styles=["yellow"] * len(cells))

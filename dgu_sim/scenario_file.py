@@ -9,7 +9,7 @@ import yaml
 from dgu_sim.errors import ScenarioError
 from dgu_sim.explain import shown
 from dgu_sim.table_file import ATTACK_COLUMNS, LOAD_COLUMNS, TableFileError, embed_table
-from dgu_sim.yaml_limits import check_limits
+from dgu_sim.yaml_limits import SafeLoader, load_within_limits
 
 __all__ = [
     "WAVEFORM",
@@ -25,7 +25,7 @@ WAVEFORM = "bias_waveform"
 """The kind of attack that may name a file."""
 
 
-class _UniqueKeyLoader(yaml.SafeLoader):
+class _UniqueKeyLoader(SafeLoader):
     """YAML keeps the last of two equal keys in silence; a scenario must not."""
 
     def construct_mapping(self, node: yaml.MappingNode, deep: bool = False) -> dict[Hashable, Any]:  # noqa: FBT001, FBT002 - PyYAML's signature
@@ -46,8 +46,7 @@ def parse_yaml(text: str, source: str) -> dict[str, Any]:
         ScenarioError: It is no YAML (with the line) or no mapping.
     """
     try:
-        check_limits(text)
-        data = yaml.load(text, Loader=_UniqueKeyLoader)  # noqa: S506 - derived from SafeLoader
+        data = load_within_limits(text, _UniqueKeyLoader)
     except yaml.YAMLError as error:
         raise ScenarioError(f"{source}{_place(error)}: expected YAML: {_reason(error)}") from error
     if not isinstance(data, dict):
@@ -148,8 +147,7 @@ def _split(override: str) -> tuple[list[str], object]:
     if not equals or not all(keys):
         raise ScenarioError(f"override {override!r}: expected KEY=VALUE, like secondary.gain=0.05")
     try:
-        check_limits(text)
-        return keys, yaml.load(text, Loader=_UniqueKeyLoader)  # noqa: S506 - derived from SafeLoader
+        return keys, load_within_limits(text, _UniqueKeyLoader)
     except yaml.YAMLError as error:
         raise ScenarioError(f"override {override!r}: expected a YAML value: {_reason(error)}") from error
 

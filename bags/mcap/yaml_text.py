@@ -4,10 +4,9 @@ from typing import Any
 
 import yaml
 
-from dgu_sim.yaml_limits import check_limits
+from dgu_sim.yaml_limits import load_within_limits
 
 MOST_NODES = 200_000  # of a document in a bag: metadata.yaml has 40 for a topic
-_Loader = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _Dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
 
 
@@ -22,5 +21,4 @@ def load(text: str) -> Any:  # noqa: ANN401 - YAML holds whatever it holds
     Raises:
         yaml.YAMLError: It is no YAML, or asks for too much.
     """
-    check_limits(text, most_nodes=MOST_NODES)
-    return yaml.load(text, Loader=_Loader)  # noqa: S506 - a safe loader
+    return load_within_limits(text, most_nodes=MOST_NODES)

@@ -10,6 +10,7 @@ import yaml
 from rich.console import Console
 
 from dcmg.errors import CommandError
+from dgu_sim.yaml_limits import load_within_limits
 from monitor.observers import KINDS
 
 if TYPE_CHECKING:
@@ -64,6 +65,6 @@ def _option(text: str) -> tuple[str, object]:
     if not equals or not name.strip():
         raise CommandError(f"--option {text}: expected NAME=VALUE, like unknown_inputs=2")
     try:
-        return name.strip(), yaml.safe_load(value)
+        return name.strip(), load_within_limits(value)
     except yaml.YAMLError:
         raise CommandError(f"--option {text}: expected a YAML value behind the =") from None

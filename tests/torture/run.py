@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from tests.torture.composed import composed
 from tests.torture.damaged import damaged
+from tests.torture.hostile import hostile
 from tests.torture.kills import killed
 
 if TYPE_CHECKING:
@@ -23,6 +24,7 @@ KINDS: Mapping[str, Callable[[int, Path], Outcome]] = {
     "kills": killed,
     "composed": composed,
     "bags": damaged,
+    "entries": hostile,
 }
 
 

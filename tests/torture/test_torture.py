@@ -8,6 +8,7 @@ import pytest
 
 from tests.torture.composed import composed
 from tests.torture.damaged import WAYS, damaged
+from tests.torture.hostile import entries, hostile
 from tests.torture.kills import killed
 
 if TYPE_CHECKING:
@@ -30,3 +31,13 @@ def test_damaged_bags(tmp_path: Path) -> None:
     """Each way to damage a bag some times: found, and what repair makes of it every reader reads, and was recorded."""
     for seed in range(8 * len(WAYS)):
         assert damaged(seed, tmp_path).broken == ()
+
+
+def test_hostile_entries(tmp_path: Path) -> None:
+    """What is sound is read, and what is changed at random is read or refused in one line, at each entry."""
+    for name, entry in entries().items():
+        work = tmp_path / name
+        work.mkdir()
+        entry.read(entry.original, work)
+    for seed in range(40 * len(entries())):
+        assert hostile(seed, tmp_path).broken == ()
