@@ -182,7 +182,7 @@ def entries() -> Mapping[str, Entry]:
         "sqlite3": Entry(original=_recorded(folder / "db3", StoragePlugin.SQLITE3), file="db3.db3", read=_bag),
     }
     for suffix, write in tables.items():
-        write(folder / f"table.{suffix}", columns)  # type: ignore[no-untyped-call] # some libraries have no types
+        write(folder / f"table.{suffix}", columns)
         found[suffix] = Entry(original=folder / f"table.{suffix}", read=_table)
     return found
 

@@ -40,7 +40,7 @@ SECTIONS: dict[str, type[BaseModel]] = {
         ),
         ("monitor: {observer: {sort: x}}", "monitor.observer.sort = 'x': no such key"),
         ("- 1", r"expected a mapping of keys, found \[1\]"),
-        ("a: [", "line 1, column 5: expected YAML"),
+        ("a: [", "line 2, column 1: expected YAML"),
     ],
 )
 def test_wrong_mappings_are_one_line(tmp_path: Path, text: str, what: str) -> None:
