@@ -1,8 +1,11 @@
 """Tables that are no text: Parquet, HDF5 and netCDF, MAT, spreadsheets; each read by a well-kept library."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, final
 
@@ -179,14 +182,23 @@ def open_mat(file: Path) -> ArrayTable:
     with file.open("rb") as stream:
         if b"MATLAB 7.3" in stream.read(128):
             return open_hdf5(file)
+    with _opened(file, "MAT"), ProcessPoolExecutor(1, mp_context=get_context("spawn")) as reader:
+        try:
+            arrays = reader.submit(_mat_arrays, file).result()
+        except BrokenProcessPool:
+            raise BagError(f"{file}: cannot be read as MAT (damaged: its reader crashed)") from None
+    return _of_arrays(file, arrays, {})
+
+
+def _mat_arrays(file: Path) -> dict[str, NDArray[Any]]:
+    """The arrays of a MAT file; in a process of its own, because scipy's reader can crash on a damaged one."""
     from scipy.io import loadmat  # noqa: PLC0415 - heavy
 
-    with _opened(file, "MAT"):
-        arrays: dict[str, NDArray[Any]] = {}
-        for name, value in loadmat(str(file), squeeze_me=False, chars_as_strings=True).items():
-            if not name.startswith("__"):
-                _flatten_mat(name, value, arrays)
-    return _of_arrays(file, arrays, {})
+    arrays: dict[str, NDArray[Any]] = {}
+    for name, value in loadmat(str(file), squeeze_me=False, chars_as_strings=True).items():
+        if not name.startswith("__"):
+            _flatten_mat(name, value, arrays)
+    return arrays
 
 
 def open_spreadsheet(file: Path) -> ArrayTable:

@@ -1,6 +1,6 @@
 """Hostile files at the entries: what is changed at random is read, or refused in one line, in bounded time.
 
-MAT files are not among them: scipy 1.17's reader in C ends the process on some (a known gap, docs/torture.md).
+MAT files are not among them: they are read in a process of their own, half a second each.
 """
 
 from __future__ import annotations
