@@ -91,7 +91,7 @@ def test_file_is_blamed_for_what_it_says(
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("name: [1", "t.yaml, line 1, column 9: expected YAML"),
+        ("name: [1", "t.yaml, line 2, column 1: expected YAML"),
         ("name: a\nname: b", "t.yaml, line 2, column 1: expected YAML: key 'name' stands twice"),
         ("- 1", "t.yaml: expected a mapping of scenario keys, found [1]"),
         ("", "t.yaml: expected a mapping of scenario keys, found None"),
