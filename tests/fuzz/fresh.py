@@ -130,7 +130,7 @@ def misfit(
         responses = responses / np.where(size > 0.0, size, 1.0)
         z = np.linalg.lstsq(responses, seen.ravel(), rcond=1e-13)[0]
         rest = (seen.ravel() - responses @ z).reshape(seen.shape)
-    rounded = np.finfo(float).eps * (1.0 + np.linalg.norm(observer.A, np.inf)) * np.max(np.abs(seen), initial=0.0)
+    rounded = np.finfo(float).eps * (1.0 + _row_sum(observer.A)) * np.max(np.abs(seen), initial=0.0)
     worst = np.maximum(np.max(np.abs(rest), axis=0, initial=0.0) - rounded, 0.0)  # of a step of what dies out
     return Misfit(
         estimate=float(np.max(worst[:k], initial=0.0)),
@@ -138,3 +138,8 @@ def misfit(
         radius=radius,
         judged=True,
     )
+
+
+def _row_sum(A: Floats) -> float:
+    """Norm for the largest entry of a vector; 0 for an empty matrix, of which numpy before 2 knows no norm."""
+    return float(np.max(np.sum(np.abs(A), axis=1), initial=0.0))
