@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import sys
 from typing import TYPE_CHECKING
 
@@ -10,9 +11,13 @@ import typer
 from typer.exceptions import TyperException
 
 from dcmg.errors import CommandError
+from dgu_sim.suggestions import meant
 
 if TYPE_CHECKING:
     from collections.abc import Callable
+
+_CHOICE = re.compile("'([^']*)' is not one of (.*)")
+_QUOTED = re.compile("'([^']*)'")
 
 EXIT_REFUSED = 2
 _EXIT_FAILED = 1
@@ -70,7 +75,10 @@ def _usage(error: TyperException) -> str:
         return ""
     context = getattr(error, "ctx", None)
     command = "dcmg" if context is None else context.command_path
-    return f"{' '.join(error.format_message().split())} (see `{command} --help`)"
+    message = " ".join(error.format_message().split()).replace(": Value error, ", ": ")
+    choice = _CHOICE.search(message)
+    near = meant(choice[1], _QUOTED.findall(choice[2])) if choice else ""
+    return f"{message}{' ' + near[0].upper() + near[1:] if near else ''} (see `{command} --help`)"
 
 
 def _of_system(error: OSError) -> str:

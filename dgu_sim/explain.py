@@ -1,5 +1,6 @@
 """Validation errors in one line: key path, value found, what was expected."""
 
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TypeVar
@@ -7,9 +8,13 @@ from typing import TypeVar
 from pydantic import BaseModel, ValidationError
 from pydantic_core import PydanticCustomError
 
+from dgu_sim.suggestions import meant
+
 __all__ = ["Problem", "explain", "part_of"]
 
 Model = TypeVar("Model", bound=BaseModel)
+
+_QUOTED = re.compile("'([^']*)'")
 
 SHOWN = 60
 """Longer values are cut: a message stays one readable line."""
@@ -58,9 +63,12 @@ def explain(error: ValidationError, data: object) -> Problem:
     if kind in {"union_tag_invalid", "union_tag_not_found"}:
         tag = context.get("tag")
         tags = context.get("expected_tags", "")
-        expected = f"expected one of {tags}" if tags else "this key is missing"
+        expected = f"expected one of {tags}{_hint(tag, tags)}" if tags else "this key is missing"
         return Problem(key=(*location, "kind"), found=None if tag is None else shown(tag), expected=expected)
-    return Problem(key=location, found=shown(first["input"]), expected=_expected(kind, first["msg"], context))
+    expected = _expected(kind, first["msg"], context)
+    if kind in {"literal_error", "enum"}:
+        expected += _hint(first["input"], context["expected"])
+    return Problem(key=location, found=shown(first["input"]), expected=expected)
 
 
 def part_of(model: type[Model], given: Mapping[str, object]) -> Model:
@@ -76,6 +84,12 @@ def shown(value: object) -> str:
     """Return a value as it may stand in a message."""
     text = repr(value)
     return text if len(text) <= SHOWN else text[: SHOWN - 4] + " ..."
+
+
+def _hint(word: object, listed: str) -> str:
+    """Name the nearest of the names that pydantic lists between quotes."""
+    near = meant(word, _QUOTED.findall(listed)) if isinstance(word, str) else ""
+    return f"; {near}" if near else ""
 
 
 def _expected(kind: str, message: str, context: Mapping[str, object]) -> str:

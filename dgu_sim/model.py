@@ -1,11 +1,12 @@
 """The base of everything a scenario file is validated into."""
 
-import difflib
 from collections.abc import Mapping, Sequence
 from typing import Annotated, TypeAlias
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
+
+from dgu_sim.suggestions import meant
 
 __all__ = ["Frozen", "Number", "Spread3", "Vector3", "check_keys", "finding"]
 
@@ -24,9 +25,8 @@ def check_keys(data: Mapping[str, object], known: Sequence[str]) -> None:
     """Raise the validation error of the first key that is not among the known ones."""
     for key in data:
         if key not in known:
-            close = difflib.get_close_matches(str(key), known, 1)
-            hint = f"did you mean {close[0]}? " if close else ""
-            raise finding((str(key),), data[key], f"no such key: {hint}known keys are {', '.join(known)}")
+            hint = f"no such key: {meant(key, known)}".strip()
+            raise finding((str(key),), data[key], f"{hint} known keys are {', '.join(known)}")
 
 
 def _not_bool(value: object) -> object:

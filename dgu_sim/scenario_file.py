@@ -89,7 +89,7 @@ def raised_by(key: tuple[str | int, ...], overrides: Sequence[str], source: str)
     path = ".".join(str(part) for part in key)
     for override in reversed(overrides):
         name = override.partition("=")[0].strip()
-        if path == name or path.startswith(name + "."):
+        if path == name or path.startswith(name + ".") or (path and name.startswith(path + ".")):
             return f"override {override!r}"
     return source
 

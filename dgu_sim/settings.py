@@ -13,7 +13,7 @@ from pydantic import (
 )
 from pydantic_core import PydanticCustomError
 
-from dgu_sim.attacks import KINDS, Attack
+from dgu_sim.attacks import KINDS, Attack, expected_class
 from dgu_sim.excitation import Excitation, UniformExcitation
 from dgu_sim.explain import part_of
 from dgu_sim.grid import Link
@@ -228,7 +228,7 @@ class AttackSettings(Frozen):
         if not isinstance(data, dict) or not isinstance(data.get("kind"), str):
             return data
         if data["kind"] not in KINDS:
-            raise finding(("kind",), data["kind"], f"expected an attack class, one of {', '.join(KINDS)}")
+            raise finding(("kind",), data["kind"], expected_class(data["kind"]))
         ours = [key for key in cls.model_fields if key != "parameters"]
         check_keys(data, [*ours, *KINDS[data["kind"]].model_fields])
         given = {key: value for key, value in data.items() if key not in ours}

@@ -15,6 +15,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 
 from dcmg.errors import CommandError
 from dcmg.shipped import scenario_path
+from dcmg.suggest import did_you_mean
 from dcmg.tabular import tabulate
 
 if TYPE_CHECKING:
@@ -135,7 +136,7 @@ def _study_path(name_or_path: str) -> Path:
     shipped = shipped_studies()
     if name_or_path in shipped:
         return shipped[name_or_path]
-    raise CommandError(f"{name_or_path}: no such study; shipped are {', '.join(shipped)}; or give a path to a file")
+    raise CommandError(f"{name_or_path}: no such study; {did_you_mean(name_or_path, shipped)}, or a path to a file")
 
 
 def _list(*, json: bool) -> None:

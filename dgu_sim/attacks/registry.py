@@ -9,10 +9,16 @@ from dgu_sim.attacks.protocol import Attack
 from dgu_sim.attacks.spoof import Spoof
 from dgu_sim.errors import AttackError
 from dgu_sim.explain import explain
+from dgu_sim.suggestions import meant
 
-__all__ = ["KINDS", "build_attack", "known_kind"]
+__all__ = ["KINDS", "build_attack", "expected_class", "known_kind"]
 
 KINDS: Mapping[str, type[Attack]] = {**FALSIFICATIONS, "spoof": Spoof}
+
+
+def expected_class(kind: str) -> str:
+    """Return what is expected instead of a name that no attack class has."""
+    return f"expected an attack class, one of {', '.join(KINDS)}; {meant(kind, KINDS)}".removesuffix("; ")
 
 
 def known_kind(kind: str) -> type[Attack]:
@@ -22,7 +28,7 @@ def known_kind(kind: str) -> type[Attack]:
         AttackError: There is none; the message lists the known ones.
     """
     if kind not in KINDS:
-        raise AttackError(f"kind = {kind!r}: expected an attack class, one of {', '.join(KINDS)}")
+        raise AttackError(f"kind = {kind!r}: {expected_class(kind)}")
     return KINDS[kind]
 
 
