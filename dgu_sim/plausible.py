@@ -1,7 +1,10 @@
 """What a valid scenario may still be wrong about: values that no DC microgrid has, and what will never happen."""
 
-from collections.abc import Iterator, Mapping
+import re
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
+
+from pydantic import BaseModel
 
 from dgu_sim.loads import TableLoad
 from dgu_sim.scenario import Scenario
@@ -14,10 +17,25 @@ RANGES: Mapping[str, tuple[float, float, str]] = {
     "dgus.capacitance_f": (1e-6, 10.0, "F, the capacitance at a bus: 2.2e-3 is 2200 uF"),
     "dgus.reference_v": (1.0, 1500.0, "V, low-voltage DC ends at 1500 V"),
     "dgus.rated_current_a": (1e-3, 1e4, "A, a rated current"),
+    "dgus.load": (0.0, 1e4, "A, a load"),
+    "dgus.initial_state": (0.0, 1e4, "V, A or V s"),
+    "dgus.initial_spread": (0.0, 1e4, "V, A or V s"),
     "lines.resistance_ohm": (1e-4, 100.0, "ohm, a line's resistance"),
     "secondary.gain": (1e-6, 1e3, "V/s"),
+    "noise": (0.0, 100.0, "V, A or V s, noise of a sensor"),
+    "history.samples": (2, 1e6, "samples of an experiment"),
+    "history.experiments": (1, 1e4, "experiments"),
+    "history.load_spread_a": (0.0, 1e4, "A, a load"),
+    "history.reference_spread_v": (0.0, 1500.0, "V, low-voltage DC ends at 1500 V"),
+    "history.voltage_spread_v": (0.0, 1500.0, "V, low-voltage DC ends at 1500 V"),
+    "history.noise_std": (0.0, 100.0, "V, A or V s, noise of a sensor"),
 }
-"""Least and largest value by key, and of what; G's grid has 0.1 to 0.6 ohm, 1.3 to 3 mH, 1.7 to 3 mF, 48 V."""
+"""Least and largest value by key, and of what; G's grid has 0.1 to 0.6 ohm, 1.3 to 3 mH, 1.7 to 3 mF, 48 V.
+
+A key without numbers of its own (a load, the noise) stands for the amplitudes within it, not for its times.
+"""
+
+_NO_AMPLITUDE = re.compile(r"_sec$|^(kind|freedom)$")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -26,10 +44,12 @@ class Concern:
 
     Attributes:
         text: One line: key, value, and why.
+        key: Path of the key.
         implausible: Whether the value is outside of its plausible range: a unit is probably wrong.
     """
 
     text: str
+    key: tuple[str | int, ...] = ()
     implausible: bool = False
 
 
@@ -44,15 +64,28 @@ def concerns(scenario: Scenario, ranges: Mapping[str, tuple[float, float, str]] 
 
 
 def _implausible(scenario: Scenario, ranges: Mapping[str, tuple[float, float, str]]) -> Iterator[Concern]:
-    for key, (low, high, what) in ranges.items():
-        section, name = key.split(".")
-        found = getattr(scenario, section)
-        several = isinstance(found, tuple)
-        for index, one in enumerate(found if several else (found,)):
-            value = getattr(one, name)
+    for pattern, (low, high, what) in ranges.items():
+        for key, value in _numbers(scenario, pattern.split("."), ()):
             if not low <= abs(value) <= high:
-                place = f"{section}.{index}.{name}" if several else key
-                yield Concern(text=f"{place} = {value:g}: expected {low:g} to {high:g} {what}", implausible=True)
+                place = ".".join(map(str, key))
+                text = f"{place} = {value:g}: expected {low:g} to {high:g} {what}"
+                yield Concern(text=text, key=key, implausible=True)
+
+
+def _numbers(
+    part: object, names: Sequence[str], key: tuple[str | int, ...]
+) -> Iterator[tuple[tuple[str | int, ...], float]]:
+    """Go through the numbers at or below `names` of a part of a scenario, with their keys."""
+    if isinstance(part, tuple):
+        for index, one in enumerate(part):
+            yield from _numbers(one, names, (*key, index))
+    elif isinstance(part, TableLoad):
+        yield (*key, "current_a"), max(abs(part.scale * value + part.offset_a) for value in part.current_a)
+    elif isinstance(part, BaseModel):
+        for name in names[:1] or [name for name in type(part).model_fields if not _NO_AMPLITUDE.search(name)]:
+            yield from _numbers(getattr(part, name), names[1:], (*key, name))
+    elif isinstance(part, int | float) and not isinstance(part, bool):
+        yield key, float(part)
 
 
 def _times(scenario: Scenario) -> Iterator[Concern]:

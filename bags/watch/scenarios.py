@@ -7,10 +7,12 @@ from pydantic_core import PydanticCustomError
 
 from bags.watch.team_checks import check_team
 from bags.wire.settings import settings_of
+from dgu_sim import plausible
 from dgu_sim import scenario as scenarios
 from dgu_sim.errors import ScenarioError
 from dgu_sim.explain import Problem, shown
 from dgu_sim.model import finding
+from dgu_sim.plausible import Concern
 from dgu_sim.scenario import Scenario
 from dgu_sim.scenario_file import raised_by
 from monitor.settings import MonitorSettings
@@ -65,6 +67,22 @@ def check_scenario(scenario: Scenario, source: str, overrides: Sequence[str] = (
         problem = Problem(key=found["key"], found=shown(found["value"]), expected=found["expected"])
         raise ScenarioError(f"{raised_by(problem.key, overrides, source)}: {problem}") from None
     return scenario.model_copy(update={"monitor": settings.model_dump(mode="json")})
+
+
+def concerns(scenario: Scenario) -> tuple[Concern, ...]:
+    """Look for what is valid and hardly meant, of the plant and of its monitors.
+
+    Args:
+        scenario: What `load_scenario` returned.
+    """
+    ready, ends = settings_of(scenario).calibrated_sec, scenario.steps * scenario.sampling_period_sec
+    unwatched = (
+        Concern(
+            text=f"duration_sec = {scenario.duration_sec:g}: the detectors learn until {ready:g} s: nothing is watched",
+            key=("duration_sec",),
+        ),
+    )
+    return (*plausible.concerns(scenario), *(unwatched if ends <= ready else ()))
 
 
 def _check_attacks(scenario: Scenario, settings: MonitorSettings) -> None:

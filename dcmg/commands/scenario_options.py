@@ -96,15 +96,16 @@ class ScenarioOptions:
             ScenarioError: it is not valid.
             CommandError: it is implausible, and that is not wanted.
         """
-        from bags.watch.scenarios import load_scenario  # noqa: PLC0415 (heavy)
+        from bags.watch.scenarios import concerns, load_scenario  # noqa: PLC0415 (heavy)
         from dcmg.commands.showing import messages  # noqa: PLC0415 (heavy)
         from dcmg.shipped import scenario_path  # noqa: PLC0415 (heavy)
-        from dgu_sim.plausible import concerns  # noqa: PLC0415 (heavy)
+        from dgu_sim.scenario_file import raised_by  # noqa: PLC0415 (heavy)
 
         scenario = load_scenario(scenario_path(self.name), self.changes)
         for one in concerns(scenario):
             if one.implausible and not self.anyway:
-                raise CommandError(f"{self.name}: {one.text}; --anyway takes it")
+                blamed = raised_by(one.key, self.changes, self.name)
+                raise CommandError(f"{blamed}: {one.text}; --anyway takes it")
             messages.print(f"[yellow]note[/]: {escape(one.text)}", soft_wrap=True, highlight=False)
         return scenario
 

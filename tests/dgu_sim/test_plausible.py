@@ -4,6 +4,7 @@ import warnings
 
 import pytest
 
+from bags.watch.scenarios import concerns as all_concerns
 from bags.watch.scenarios import load_scenario
 from bags.wire.settings import settings_of
 from dcmg.shipped import scenario_path, shipped_scenarios
@@ -25,7 +26,7 @@ def _loaded(*overrides: str) -> Scenario:
 @pytest.mark.parametrize("name", sorted(shipped_scenarios()))
 def test_shipped_scenarios_raise_no_concern(name: str) -> None:
     """What we ship is meant as it is written."""
-    assert concerns(load_scenario(scenario_path(name))) == ()
+    assert all_concerns(load_scenario(scenario_path(name))) == ()
 
 
 @pytest.mark.parametrize(
@@ -34,6 +35,15 @@ def test_shipped_scenarios_raise_no_concern(name: str) -> None:
         ("dgus.0.capacitance_f=2100", "dgus.0.capacitance_f = 2100: expected 1e-06 to 10 F", True),
         ("dgus.1.reference_v=48000", "dgus.1.reference_v = 48000: expected 1 to 1500 V", True),
         ("lines.2.resistance_ohm=500", "lines.2.resistance_ohm = 500: expected 0.0001 to 100 ohm", True),
+        (
+            "dgus.0.load=[{kind: gaussian, mean_a: 1, std_a: 2e4}]",
+            "dgus.0.load.0.std_a = 20000: expected 0 to 10000 A",
+            True,
+        ),
+        ("dgus.0.initial_state=[48000, 1, 1]", "dgus.0.initial_state.0 = 48000: expected 0 to 10000 V, A", True),
+        ("noise={kind: student, scale: [0, 150, 0]}", "noise.scale.1 = 150: expected 0 to 100 V, A or V s", True),
+        ("history.samples=20000000", "history.samples = 2e+07: expected 2 to 1e+06 samples", True),
+        ("history.load_spread_a=2e4", "history.load_spread_a = 20000: expected 0 to 10000 A", True),
         ("duration_sec=1.2345", "duration_sec = 1.2345: no multiple of sampling_period_sec = 0.01", False),
         (
             "attacks=[{kind: freeze, link: 1-2, start_sec: 60}]",
@@ -49,6 +59,20 @@ def test_what_is_hardly_meant_is_said(override: str, expected: str, *, implausib
     (found,) = concerns(_loaded(*changes))
     assert expected in found.text
     assert found.implausible == implausible
+
+
+def test_a_run_that_nobody_watches_says_so() -> None:
+    """The detectors learn until after its end."""
+    (found,) = all_concerns(_loaded("attacks=[]", "duration_sec=2"))
+    assert found.text == "duration_sec = 2: the detectors learn until 2.5 s: nothing is watched"
+
+
+def test_currents_of_a_table_are_judged_as_they_act() -> None:
+    """A table in mA with a factor is no concern; the same without it is."""
+    table = "dgus.0.load=[{{kind: table, time_sec: [0, 1], current_a: [20000, 30000], scale: {}}}]"
+    assert concerns(_loaded("attacks=[]", table.format(0.001))) == ()
+    (found,) = concerns(_loaded("attacks=[]", table.format(1)))
+    assert "dgus.0.load.0.current_a = 30000" in found.text
 
 
 def test_ranges_can_be_others() -> None:
