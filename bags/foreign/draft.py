@@ -19,13 +19,14 @@ _HINTS: Final = (
 _TIMES: Final = re.compile(r"^(t|time.*|timestamp.*|zeit|sec(onds)?)$", re.IGNORECASE)
 
 
-def draft_mapping(source: Path, outline: Outline) -> str:
+def draft_mapping(source: Path | str, outline: Outline) -> str:
     """A mapping file with comments; it is valid, and a person decides what in it is right.
 
     Args:
         source: What it is of.
         outline: What that holds.
     """
+    source = Path(source)
     return "\n".join(_lines(source, outline)) + "\n"
 
 

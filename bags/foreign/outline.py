@@ -85,12 +85,13 @@ class Outline:
         return tuple(one for one in self.topics if one.unreadable and one.messages)
 
 
-def describe_source(source: Path, known: Known | None = None) -> Outline:
+def describe_source(source: Path | str, known: Known | None = None) -> Outline:
     """Go through a bag or table once.
 
     Raises:
         BagError: It cannot be read.
     """
+    source = Path(source)
     if is_table(source):
         table = open_table(source)
         return Outline(topics=(_table(table),), notes=tuple(table.notes))

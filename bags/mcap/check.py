@@ -119,12 +119,13 @@ def check(path: Path | str) -> CheckReport:
     return CheckReport(path=path, files=tuple(one.result() for one in checks), damages=tuple(damages))
 
 
-def mcap_files(path: Path) -> list[Path]:
+def mcap_files(path: Path | str) -> list[Path]:
     """The MCAP files of a bag in order of time, whether or not metadata.yaml can tell them.
 
     Raises:
         BagError: There is none.
     """
+    path = Path(path)
     if not path.exists():
         raise BagError(f"{path}: does not exist, expected a bag's directory")
     if not path.is_dir():
@@ -143,8 +144,9 @@ def mcap_files(path: Path) -> list[Path]:
     return [*named, *there.values()]
 
 
-def read_information(path: Path) -> dict[str, Any]:
+def read_information(path: Path | str) -> dict[str, Any]:
     """What metadata.yaml says, {} when it is missing or damaged."""
+    path = Path(path)
     try:
         return read_metadata(path)
     except BagError:

@@ -71,7 +71,7 @@ class RepairReport:
         }
 
 
-def repair(path: Path, out: Path) -> RepairReport:
+def repair(path: Path | str, out: Path | str) -> RepairReport:
     """Write a valid bag with everything that is intact in a damaged one.
 
     Args:
@@ -81,6 +81,7 @@ def repair(path: Path, out: Path) -> RepairReport:
     Raises:
         BagError: Nothing to repair, or the new bag cannot be written.
     """
+    path, out = Path(path), Path(out)
     files = mcap_files(path)
     if out.exists():
         raise BagError(f"{out}: exists already, expected the path of a bag to be made")

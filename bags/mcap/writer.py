@@ -272,7 +272,7 @@ class BagWriter:
         return "an announced topic" if self._files.open else "nothing more: the bag is closed"
 
 
-def open_recording(path: Path, topics: Sequence[Topic], recording: Recording) -> BagWriter:
+def open_recording(path: Path | str, topics: Sequence[Topic], recording: Recording) -> BagWriter:
     """A writer that takes messages while a run goes on.
 
     Args:
@@ -283,6 +283,7 @@ def open_recording(path: Path, topics: Sequence[Topic], recording: Recording) ->
     Raises:
         BagError: The path exists or cannot be made.
     """
+    path = Path(path)
     chunks = CHUNK_PRESETS[recording.chunks]
     return BagWriter(
         path,

@@ -14,7 +14,7 @@ _ESTIMATE, _TRUTH, _ALERT, _MUTED = "#0072B2", "#222222", "#D55E00", "#777777"
 _DPI = 100
 
 
-def draw_reconstruction(found: Reconstruction, folder: Path) -> Path:
+def draw_reconstruction(found: Reconstruction, folder: Path | str) -> Path:
     """Draw into `reconstruction_<link>.png`.
 
     Args:
@@ -24,6 +24,7 @@ def draw_reconstruction(found: Reconstruction, folder: Path) -> Path:
     Returns:
         The file.
     """
+    folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     rows = max(found.inputs.shape[1], len(found.hypotheses))
     figure = Figure(figsize=(11.0, 2.4 * rows + 0.8), layout="constrained")

@@ -24,7 +24,7 @@ _DPI: Final = 150
 _LEAST: Final = 1e-3  # scores below are as good as zero, and drawn here
 
 
-def draw(timeline: Timeline, judged: Judged, folder: Path) -> tuple[Path, ...]:
+def draw(timeline: Timeline, judged: Judged, folder: Path | str) -> tuple[Path, ...]:
     """Draw a run into PNG files.
 
     Args:
@@ -36,6 +36,7 @@ def draw(timeline: Timeline, judged: Judged, folder: Path) -> tuple[Path, ...]:
         The files: states.png, residuals.png and, of a team of monitors, team.png; none for a run without a complete
         step.
     """
+    folder = Path(folder)
     if not timeline.steps:
         return ()
     folder.mkdir(parents=True, exist_ok=True)

@@ -36,7 +36,7 @@ class Report:
     json: Path
 
 
-def write_report(windows: Iterable[RunRecord], steps: int, folder: Path, options: ReportOptions) -> Report:
+def write_report(windows: Iterable[RunRecord], steps: int, folder: Path | str, options: ReportOptions) -> Report:
     """Measure a run and write its report.
 
     Args:
@@ -48,6 +48,7 @@ def write_report(windows: Iterable[RunRecord], steps: int, folder: Path, options
     Raises:
         BagError: A window cannot be read, or the folder cannot be written.
     """
+    folder = Path(folder)
     html, document = folder / HTML_NAME, folder / JSON_NAME
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -109,7 +109,7 @@ class Playback:
         return found
 
 
-def open_playback(path: Path, selection: Selection, known: Known | None = None) -> Playback:
+def open_playback(path: Path | str, selection: Selection, known: Known | None = None) -> Playback:
     """Open a bag for playing.
 
     Args:
@@ -120,6 +120,7 @@ def open_playback(path: Path, selection: Selection, known: Known | None = None) 
     Raises:
         BagError: The bag cannot be read, or nothing of it is selected: one line.
     """
+    path = Path(path)
     source = open_source(path, known)
     for name in (*selection.remap, *selection.replaced):
         if name not in source.topics:

@@ -77,7 +77,7 @@ class Source(Protocol):
         """Messages with stamps in [start_ns, end_ns], in the order of the bag."""
 
 
-def open_source(path: Path, known: Known | None = None) -> Source:
+def open_source(path: Path | str, known: Known | None = None) -> Source:
     """Open a bag for playing: ours, or one by any other program that writes rosbag2 (MCAP or sqlite3).
 
     Args:
@@ -87,6 +87,7 @@ def open_source(path: Path, known: Known | None = None) -> Source:
     Raises:
         BagError: Not a bag, not closed, or damaged: one line.
     """
+    path = Path(path)
     try:
         container = open_container(path)
     except BagError:

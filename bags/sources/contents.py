@@ -46,7 +46,7 @@ class Contents:
         }
 
 
-def contents(path: Path, known: Known | None = None) -> Contents:
+def contents(path: Path | str, known: Known | None = None) -> Contents:
     """Look into a recording; ours are not gone through, others once.
 
     Args:
@@ -56,6 +56,7 @@ def contents(path: Path, known: Known | None = None) -> Contents:
     Raises:
         BagError: It cannot be read.
     """
+    path = Path(path)
     if path.is_dir():
         try:
             bag = open_bag(path)

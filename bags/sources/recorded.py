@@ -112,7 +112,7 @@ class Recorded:
 
 
 @contextmanager
-def open_recorded(path: Path, known: Known | None = None) -> Iterator[Recorded]:
+def open_recorded(path: Path | str, known: Known | None = None) -> Iterator[Recorded]:
     """Open a recording: a rosbag2 directory, or one .mcap, .db3 or ROS 1 .bag file, compressed with zstd or not.
 
     Args:
@@ -122,6 +122,7 @@ def open_recorded(path: Path, known: Known | None = None) -> Iterator[Recorded]:
     Raises:
         BagError: It is none, or cannot be read as a whole: one line.
     """
+    path = Path(path)
     listing = list_files(path)
     with ExitStack() as stack:
         storages: list[Storage] = []

@@ -59,7 +59,9 @@ class Row:
     curves: Markup
 
 
-def write_page(study: Study, points: Sequence[OperatingPoint], comparisons: Sequence[Comparison], out: Path) -> Path:
+def write_page(
+    study: Study, points: Sequence[OperatingPoint], comparisons: Sequence[Comparison], out: Path | str
+) -> Path:
     """Write study.html, which opens without a network.
 
     Args:
@@ -68,6 +70,7 @@ def write_page(study: Study, points: Sequence[OperatingPoint], comparisons: Sequ
         comparisons: What is best against each attack.
         out: An existing folder.
     """
+    out = Path(out)
     columns = lines_of(points)
     rows = []
     for number, one in enumerate(comparisons):

@@ -37,7 +37,7 @@ class ExportReport:
     notes: tuple[str, ...] = ()
 
 
-def export(path: Path, out: Path, form: TableFormat, known: Known | None = None) -> ExportReport:
+def export(path: Path | str, out: Path | str, form: TableFormat, known: Known | None = None) -> ExportReport:
     """Write every topic as a table: `time_ns`, then one column a field; or a run as one netCDF file.
 
     Columns carry the names of the message's fields, `header.stamp.sec`, elements of arrays as `x[0]`; sequences are
@@ -53,6 +53,7 @@ def export(path: Path, out: Path, form: TableFormat, known: Known | None = None)
     Raises:
         BagError: The bag cannot be read, the folder holds something or cannot be written, or a package is missing.
     """
+    path, out = Path(path), Path(out)
     bag = _standard_bag(path)
     if out.exists() and (not out.is_dir() or any(out.iterdir())):
         raise BagError(f"{out}: expected a new or empty folder, found one that holds something")

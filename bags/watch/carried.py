@@ -68,13 +68,14 @@ class Carried:
         return {name: difference(self.records[name], one) for name, one in told.items() if name in self.records}
 
 
-def read_carried(path: Path) -> Carried:
+def read_carried(path: Path | str) -> Carried:
     """The designs in the bag of a run, or of a watched stream.
 
     Raises:
         BagError: The bag cannot be read, or holds no designs, or not the settings that they were made with.
         dgu_sim.errors.ScenarioError: Its scenario cannot be used.
     """
+    path = Path(path)
     container = open_container(path)
     names = {name for name, type_name in container.topics.items() if type_name == _DESIGN}
     records: dict[str, DesignRecord] = {}

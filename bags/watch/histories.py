@@ -78,12 +78,13 @@ def _as_sent(record: HistoryRecord, x: NDArray[np.float64]) -> NDArray[np.float6
     return np.where(sent, x, np.nan)
 
 
-def read_histories(path: Path, dgu: int) -> list[HistoryRecord]:
+def read_histories(path: Path | str, dgu: int) -> list[HistoryRecord]:
     """The recorded experiments on one DGU, in a bag of histories or of a run.
 
     Raises:
         BagError: The bag cannot be read or holds no history of this DGU.
     """
+    path = Path(path)
     return _recorded(path, run_topics((dgu,), (), 1).history(dgu), f"DGU {dgu}")
 
 
@@ -117,12 +118,13 @@ def _recorded(path: Path, codec: HistoryCodec, what: str) -> list[HistoryRecord]
     return records
 
 
-def read_all_histories(path: Path) -> list[HistoryRecord]:
+def read_all_histories(path: Path | str) -> list[HistoryRecord]:
     """The recorded experiments on every DGU in a bag.
 
     Raises:
         BagError: The bag cannot be read or holds no history.
     """
+    path = Path(path)
     names = open_container(path).topics
     dgus = sorted(int(match[1]) for name in names if (match := _HISTORY_TOPIC.fullmatch(name)))
     if not dgus:
@@ -130,7 +132,7 @@ def read_all_histories(path: Path) -> list[HistoryRecord]:
     return [record for dgu in dgus for record in read_histories(path, dgu)]
 
 
-def write_histories(scenario: Scenario, dgus: Sequence[int], path: Path) -> Path:
+def write_histories(scenario: Scenario, dgus: Sequence[int], path: Path | str) -> Path:
     """Run the offline experiments of some DGUs and record them on the topics of a run.
 
     Args:
@@ -145,6 +147,7 @@ def write_histories(scenario: Scenario, dgus: Sequence[int], path: Path) -> Path
         BagError: The bag cannot be written.
         dgu_sim.errors.ScenarioError: The scenario has no such DGU.
     """
+    path = Path(path)
     topics = run_topics(scenario.grid.dgus, scenario.links, scenario.sampling_period_ns)
     found = [(topics.history(dgu), histories_of_run(scenario, dgu)) for dgu in dgus]
     if topics_of(scenario).team is not None:

@@ -11,11 +11,17 @@ from bags.golden.runs import golden_path
 from bags.mcap.bag import open_bag
 from bags.mcap.check import check
 from bags.mcap.errors import BagError
+from bags.mcap.repair import repair
+from bags.runs.played import open_source
 from bags.runs.reader import open_run, read_run
 from bags.runs.replay import replay
+from bags.sources.contents import contents
 from bags.study import load_study
 from bags.study.errors import StudyError
+from bags.tables.export import TableFormat, export
 from bags.tables.tabular import dataset
+from bags.watch.carried import read_carried
+from bags.watch.histories import read_all_histories
 from bags.watch.scenarios import load_scenario
 from dcmg.shipped import scenario_path
 from dgu_sim.errors import ScenarioError
@@ -35,6 +41,12 @@ READERS: list[tuple[Callable[[str], object], Path | None]] = [
     (check, BAG),
     (dataset, BAG),
     (replay, BAG),
+    (contents, BAG),
+    (open_source, BAG),
+    (read_carried, BAG),
+    (read_all_histories, BAG),
+    (lambda path: repair(path, f"{path}-repaired"), None),
+    (lambda path: export(path, f"{path}-tables", TableFormat.CSV), None),
 ]
 
 
@@ -47,3 +59,10 @@ def test_a_path_may_be_text(read: Callable[[str], object], there: Path | None, t
     with pytest.raises((BagError, ScenarioError, StudyError), match="nowhere") as caught:
         read(nowhere)
     assert "\n" not in str(caught.value)
+
+
+def test_what_is_written_may_go_to_a_path_as_text(tmp_path: Path) -> None:
+    """Repaired bags and tables, by the calls that a script makes."""
+    assert repair(str(BAG), str(tmp_path / "repaired")).messages
+    assert check(str(tmp_path / "repaired")).clean
+    assert export(str(BAG), str(tmp_path / "tables"), TableFormat.CSV).files
