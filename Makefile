@@ -19,7 +19,7 @@ unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH 
 unexport RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
 endif
 
-.PHONY: help demo test lint kernels lowest fuzz torture bench colcon install clean FORCE
+.PHONY: help demo test lint kernels lowest fuzz torture pictures bench colcon install clean FORCE
 .DELETE_ON_ERROR:
 
 help: ## this list
@@ -57,6 +57,9 @@ fuzz: install ## random plants against every design, MINUTES=10 (docs/fuzz.md)
 
 torture: install ## kills, hangs, damaged bags and hostile input against the product, MINUTES=10 (docs/torture.md)
 	@$(PY) -m tests.torture.run --minutes $(MINUTES)
+
+pictures: install ## the pictures of README and docs anew (minutes; needs chromium)
+	@docs/pictures.sh
 
 bench: install ## measure the speed on this machine
 	@$(PY) -m pytest -m bench -s tests/bench
