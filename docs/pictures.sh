@@ -15,7 +15,7 @@ dcmg reconstruct "$made/reconstruct/bag" --link 1-2 --noise-std 0.001,0.001,0.00
 cp "$made/reconstruct/reconstruction_1-2.png" docs/images/reconstruction.png
 dcmg simulate gallo_six_dgu_combined --out "$made/combined" --no-plots >"$made/log" 2>&1
 dcmg report "$made/combined/bag" --out "$made/report" >"$made/log"
-chromium --headless --no-sandbox --disable-gpu --hide-scrollbars --blink-settings=preferredColorScheme=1 --window-size=930,622 \
+chromium --headless --no-sandbox --disable-gpu --hide-scrollbars --blink-settings=preferredColorScheme=1 --window-size=1280,900 \
   --virtual-time-budget=8000 --screenshot="$PWD/docs/images/report.png" "file://$made/report/report.html" 2>"$made/log"
 dcmg measure roc --out "$made" >"$made/log"
 cp "$made/roc_joint.png" docs/images/roc_joint.png

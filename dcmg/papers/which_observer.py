@@ -121,7 +121,7 @@ def notes(result: WhichResult) -> list[str]:
 def plot(result: WhichResult, out_dir: Path) -> list[Path]:
     """Draw steps to detection for every attack, and the time of one step."""
     out_dir.mkdir(parents=True, exist_ok=True)
-    figure = Figure(figsize=(11.0, 6.0), layout="constrained")
+    figure = Figure(figsize=(11.0, 7.5), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True, width_ratios=(2, 1))
     rows = np.arange(len(result.rows))
     for number, attack in enumerate(ATTACKS):
@@ -135,6 +135,8 @@ def plot(result: WhichResult, out_dir: Path) -> list[Path]:
     right.barh(rows, [row.step_us for row in result.rows], color="0.6")
     right.set_xlabel("one step [us]")
     right.set_xscale("log")
+    right.xaxis.set_major_formatter("{x:g}")
+    right.xaxis.set_minor_formatter("")
     path = out_dir / "which_observer.png"
     figure.savefig(path, dpi=90)
     return [path]
