@@ -18,7 +18,8 @@ from bags.runs.replay import replay
 from bags.sources.contents import contents
 from bags.study import load_study
 from bags.study.errors import StudyError
-from bags.tables.export import TableFormat, export
+from bags.tables.export import export
+from bags.tables.table_format import TableFormat
 from bags.tables.tabular import dataset
 from bags.watch.carried import read_carried
 from bags.watch.histories import read_all_histories
