@@ -133,7 +133,7 @@ def _logged(name: str, data: dict[str, Any]) -> Described:
         type_name="ULog",
         messages=len(stamps),
         fields=tuple(f"{name}.{one}" for one in data if one != "timestamp"),
-        regularity=regularity(name, stamps, np.zeros((len(stamps), 0))) if len(stamps) else None,
+        regularity=regularity(name, stamps, None) if len(stamps) else None,
         clock="recorded",
     )
 
@@ -199,7 +199,7 @@ class _Look:
             type_name=" and ".join(dict.fromkeys(one.definition.type_name for one in self.channels)),
             messages=len(self.stamps),
             fields=tuple(fields),
-            regularity=regularity(self.topic, instants, np.zeros((len(instants), 0))) if len(instants) else None,
+            regularity=regularity(self.topic, instants, None) if len(instants) else None,
             clock="header" if by_header else "recorded, every header is 0" if silent else "recorded",
             unreadable=self.reason,
         )

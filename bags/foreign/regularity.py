@@ -44,7 +44,7 @@ class Regularity:
         worst_jitter_sec: Largest deviation of such a step from the period [s].
         gaps: Stretches without messages, in order.
         repeated: Messages whose stamp is that of another one.
-        conflicting: Those among them that say something else.
+        conflicting: Those among them that say something else, None where values were not looked at.
         out_of_order: Messages that stand behind a later one in the file.
     """
 
@@ -57,23 +57,23 @@ class Regularity:
     worst_jitter_sec: float
     gaps: tuple[Gap, ...]
     repeated: int
-    conflicting: int
+    conflicting: int | None
     out_of_order: int
 
     def sentences(self) -> list[str]:
         """What a person should know, a line each."""
         span_sec = (self.end_ns - self.start_ns) * 1e-9
         jitter = f"jitter {self.jitter_sec:.2g} s (worst {self.worst_jitter_sec:.2g} s)"
-        lines = [
-            f"{self.name}: {self.messages} messages over {span_sec:g} s, median step {self.period_sec:g} s, {jitter}"
-        ]
+        steps = f"median step {self.period_sec:g} s, {jitter}" if span_sec else "one instant: no clock to sample by"
+        lines = [f"{self.name}: {self.messages} messages over {span_sec:g} s, {steps}"]
         lines += [
             f"{self.name}: gap of {gap.length_sec:g} s after {gap.after_sec:g} s" for gap in self.gaps[:_SHOWN_GAPS]
         ]
         if len(self.gaps) > _SHOWN_GAPS:
             lines.append(f"{self.name}: {len(self.gaps) - _SHOWN_GAPS} more gaps")
         if self.repeated:
-            lines.append(f"{self.name}: {self.repeated} repeated stamps, {self.conflicting} of them with other values")
+            others = "" if self.conflicting is None else f", {self.conflicting} of them with other values"
+            lines.append(f"{self.name}: {self.repeated} repeated stamps{others}")
         if self.out_of_order:
             lines.append(f"{self.name}: {self.out_of_order} messages out of order, put into order by their stamps")
         return lines
@@ -98,7 +98,7 @@ class Regularity:
 def regularity(
     name: str,
     stamps_ns: NDArray[np.int64],
-    values: Rows,
+    values: Rows | None,
     period_ns: int | None = None,
     rows: NDArray[np.intp] | None = None,
 ) -> Regularity:
@@ -107,7 +107,7 @@ def regularity(
     Args:
         name: Topic or file.
         stamps_ns: Of the messages that count, in the order of the file, shape (messages,), at least one.
-        values: What each message of the file says, shape (messages of the file, signals).
+        values: What each message of the file says, shape (messages of the file, signals); None: do not look at them.
         period_ns: T_s if it is known, else the median step counts.
         rows: Places of the messages that count, shape (messages,); None: all.
     """
@@ -116,7 +116,7 @@ def regularity(
     ordered = stamps_ns if order is None else stamps_ns[order]
     steps = np.diff(ordered)
     same = steps == 0
-    conflicting = _conflicting(values, np.flatnonzero(same), order, rows)
+    conflicting = None if values is None else _conflicting(values, np.flatnonzero(same), order, rows)
     steps, ends = steps[~same], ordered[1:][~same]
     period = float(np.median(steps)) if len(steps) else float("nan")
     wanted = period if period_ns is None else float(period_ns)

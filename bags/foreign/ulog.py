@@ -10,7 +10,7 @@ from bags.foreign.columns import library
 from bags.foreign.fields import FieldPath
 from bags.foreign.track import Recording
 from bags.mcap.errors import BagError
-from bags.mcap.kinds import check_regular
+from bags.mcap.kinds import POINTERS, kind_of
 
 _STAMP = "timestamp"
 _MICROSECOND_NS = 1000
@@ -27,7 +27,9 @@ def ulog_topics(source: Path) -> tuple[dict[str, Any], tuple[str, ...]]:
     Raises:
         BagError: It is no ULog, or pyulog is not installed.
     """
-    check_regular(source)
+    kind = kind_of(source)
+    if kind in POINTERS:
+        raise BagError(f"{source}: is {kind.value}")
     pyulog = library("pyulog", "ulog", "ULog")
     try:
         log = pyulog.ULog(str(source), disable_str_exceptions=True)

@@ -1,6 +1,7 @@
 """What of a bag is intact: every check sum verified, everything that is said twice compared."""
 
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any, final
@@ -13,12 +14,14 @@ from bags.mcap.errors import BagError
 from bags.mcap.file_bytes import FileBytes
 from bags.mcap.folder import by_number, read_metadata
 from bags.mcap.frames import MAGIC, Frame, parse_definition
-from bags.mcap.kinds import POINTERS, ZSTD_MAGIC, Kind, kind_of
+from bags.mcap.kinds import ELSEWHERE, POINTERS, ZSTD_MAGIC, kind_of
 from bags.mcap.mcap_file import OURS
 from bags.mcap.metadata import METADATA_FILE, ROOT_KEY, whole_document
 from bags.mcap.scan import Fault, Messages, survey
-from bags.mcap.summary_section import SummarySection, summary_of
+from bags.mcap.summary_section import NO_SUMMARY, SummarySection, summary_of
+from bags.mcap.unpacked import plain_file, plain_name
 
+_SUFFIXES = (".mcap", ".db3", ".bag")
 _MOST_JUNK = 16_000_000  # bytes in front of a file
 _MOST_FAULTS = 20  # of one file: a report is for people
 
@@ -113,7 +116,10 @@ def check(path: Path | str) -> CheckReport:
         BagError: There is nothing to check.
     """
     path, damages = Path(path), list[Damage]()
-    checks = [_File(file).run(damages) for file in mcap_files(path)]
+    checks = []
+    for file in mcap_files(path):
+        with opened(file) as plain:
+            checks.append(_File(plain, file.name).run(damages))
     if path.is_dir():
         damages += [Damage(file=METADATA_FILE, offset=None, what=what) for what in _metadata_faults(path, checks)]
     return CheckReport(path=path, files=tuple(one.result() for one in checks), damages=tuple(damages))
@@ -129,19 +135,41 @@ def mcap_files(path: Path | str) -> list[Path]:
     if not path.exists():
         raise BagError(f"{path}: does not exist, expected a bag's directory")
     if not path.is_dir():
-        _check_kind(path)
+        _check_kind(path, path)
         return [path]
-    there = {file.name: file for file in sorted(path.glob("*.mcap"), key=by_number)}
-    if not there:
-        others = sorted([*path.glob("*.db3*"), *path.glob("*.bag"), *path.glob("*.mcap.zst*")])
-        for file in others:
-            _check_kind(file)
-        raise BagError(f"{path}: holds no *.mcap file, expected a rosbag2 directory")
+    files = sorted((one for one in path.iterdir() if plain_name(one.name).endswith(_SUFFIXES)), key=by_number)
+    there: dict[str, Path] = {}
+    for file in files:
+        if plain_name(file.name).endswith(".mcap"):
+            there.setdefault(plain_name(file.name), file)  # the one that is not compressed comes first
     for file in there.values():
-        _check_kind(file)
-    told = read_information(path).get("relative_file_paths")
-    named = [there.pop(str(name)) for name in told if str(name) in there] if isinstance(told, list) else []
+        _check_kind(file, file)
+    if not there:
+        for file in files:
+            with opened(file):
+                pass
+        raise BagError(f"{path}: holds no *.mcap file, expected a rosbag2 directory")
+    named = [there.pop(name) for name in _told_files(path, read_information(path)) if name in there]
     return [*named, *there.values()]
+
+
+@contextmanager
+def opened(file: Path) -> Iterator[Path]:
+    """An MCAP file, or its decompressed copy for as long as the context lasts.
+
+    Raises:
+        BagError: It cannot be decompressed, or holds something else.
+    """
+    with plain_file(file) as plain:
+        _check_kind(plain, file)
+        yield plain
+
+
+def _told_files(path: Path, information: Mapping[str, Any]) -> list[str]:
+    """The files that metadata.yaml names, as they were called before they were compressed."""
+    told = information.get("relative_file_paths")
+    prefix = f"{path.resolve().name}/"  # the first versions of rosbag2 wrote it too
+    return [plain_name(str(one).removeprefix(prefix)) for one in told] if isinstance(told, list) else []
 
 
 def read_information(path: Path | str) -> dict[str, Any]:
@@ -153,15 +181,20 @@ def read_information(path: Path | str) -> dict[str, Any]:
         return {}
 
 
-def _check_kind(file: Path) -> None:
+def _check_kind(file: Path, named: Path) -> None:
     """Refuse what is sound, but of another kind, and what only stands for a recording.
+
+    Args:
+        file: The file, or its decompressed copy.
+        named: What to call it.
 
     Raises:
         BagError: It is.
     """
     kind = kind_of(file)
-    if kind in (*POINTERS, Kind.SQLITE, Kind.ROS1, Kind.ZSTD):
-        raise BagError(f"{file}: is {kind.value}, expected an MCAP file")
+    if kind in (*POINTERS, *ELSEWHERE):
+        advice = f": {ELSEWHERE[kind]}" if kind in ELSEWHERE else ""
+        raise BagError(f"{named}: is {kind.value}, expected an MCAP file{advice}")
 
 
 def start_of(file: Path) -> int:
@@ -177,6 +210,7 @@ class _File:
     """One file while it is gone through."""
 
     file: Path
+    name: str  # before it was decompressed
     size: int = 0
     chunks: int = 0
     counts: dict[int, int] = field(default_factory=dict)
@@ -202,15 +236,17 @@ class _File:
             summary = found if isinstance(found, SummarySection) else None
             if source.read(0, len(MAGIC)) != MAGIC:
                 self.faults.append(Fault(start=0, what=f"starts with {source.read(0, 8)!r}, expected {MAGIC!r}"))
-            if summary is None:
-                self.faults.append(Fault(start=self.size, what=str(found)))
+            place = len(self.faults)
             for one in survey(source, summary):
                 self._take(source, one, summary)
+            # a summary may be missing: others leave it out, we do not
+            if summary is None and not (found == NO_SUMMARY and self.ended and not self.library.startswith(OURS)):
+                self.faults.insert(place, Fault(start=self.size, what=str(found)))
             self._compare(summary)
-        damages += [Damage(file=self.file.name, offset=one.start, what=one.what) for one in self.faults[:_MOST_FAULTS]]
+        damages += [Damage(file=self.name, offset=one.start, what=one.what) for one in self.faults[:_MOST_FAULTS]]
         if len(self.faults) > _MOST_FAULTS:
             more = f"{len(self.faults) - _MOST_FAULTS} further damages"
-            damages.append(Damage(file=self.file.name, offset=None, what=more))
+            damages.append(Damage(file=self.name, offset=None, what=more))
         return self
 
     def result(self) -> FileCheck:
@@ -221,7 +257,7 @@ class _File:
             name = channel.topic if channel else f"(channel {channel_id} without a name)"
             messages[name] = messages.get(name, 0) + count
         return FileCheck(
-            name=self.file.name,
+            name=self.name,
             size=self.size,
             chunks=self.chunks,
             messages=messages,
@@ -341,13 +377,16 @@ def _metadata_faults(path: Path, files: list[_File]) -> list[str]:
     file = path / METADATA_FILE
     if not file.is_file():
         return ["is missing, as when the recorder was killed before it closed the bag"]
-    information = read_information(path)
+    try:
+        information = read_metadata(path)
+    except BagError as error:
+        return [str(error).removeprefix(f"{file}: ")]
     if not information:
-        return [f"cannot be read, or has no {ROOT_KEY}"]
+        return [f"says nothing in {ROOT_KEY}"]
     faults = []
-    told, there = information.get("relative_file_paths"), [one.file.name for one in files]
-    if told != there:
-        faults.append(f"names the files {told}, found {there}")
+    if _told_files(path, information) != [one.file.name for one in files]:
+        told = information.get("relative_file_paths")
+        faults.append(f"names the files {told}, found {[one.name for one in files]}")
     count = sum(sum(one.counts.values()) for one in files)
     if information.get("message_count") != count:
         faults.append(f"promises {information.get('message_count')} messages, {count} are intact")
@@ -369,7 +408,11 @@ def _metadata_faults(path: Path, files: list[_File]) -> list[str]:
 def _entry_faults(information: Mapping[str, Any], files: list[_File]) -> list[str]:
     """What metadata.yaml says about each file, held against the file."""
     entries = information.get("files")
-    told = {str(one.get("path")): one for one in entries if isinstance(one, dict)} if isinstance(entries, list) else {}
+    told = (
+        {plain_name(str(one.get("path"))): one for one in entries if isinstance(one, dict)}
+        if isinstance(entries, list)
+        else {}
+    )
     faults = []
     for one in files:
         entry = told.get(one.file.name)

@@ -201,6 +201,10 @@ def _types(definition: Definition, others: Types) -> dict[str, Any]:
             continue
         place = next((one for one in (own, others, typestore().fielddefs) if name in one), None)
         if place is None:
+            if not name:
+                raise BagError(
+                    "nothing says of which type its messages are: it has no schema, and metadata.yaml knows none"
+                )
             raise BagError(
                 f"message type {name} is unknown: neither the recording, nor ROS 2 Jazzy, nor an installed package "
                 "defines it; --definitions DIR takes a folder of .msg files"

@@ -7,7 +7,7 @@ from typing import Any
 import yaml
 
 from bags.mcap.errors import BagError
-from bags.mcap.kinds import check_regular
+from bags.mcap.kinds import POINTERS, kind_of
 from bags.mcap.metadata import METADATA_FILE, ROOT_KEY
 from bags.mcap.yaml_text import load
 
@@ -31,7 +31,9 @@ def read_metadata(path: Path) -> dict[str, Any]:
         BagError: It cannot be read, or is no metadata of rosbag2.
     """
     file = path / METADATA_FILE
-    check_regular(file)
+    kind = kind_of(file)
+    if kind in POINTERS:
+        raise BagError(f"{file}: is {kind.value}, expected the metadata of rosbag2")
     try:
         if file.stat().st_size > _MOST_METADATA:
             raise BagError(f"{file}: has {file.stat().st_size} bytes, expected at most {_MOST_METADATA}")

@@ -34,6 +34,11 @@ _MAGICS: Mapping[bytes, Kind] = {
     b"/annex/objects/": Kind.ANNEX,
 }
 POINTERS: Final = (Kind.LFS, Kind.ANNEX, Kind.EMPTY)
+# sound, but of another kind than check and repair know: what does for them what those do for MCAP
+ELSEWHERE: Final[Mapping[Kind, str]] = {
+    Kind.SQLITE: "`dcmg bag info` counts what is in it, `sqlite3 FILE 'PRAGMA integrity_check'` checks it",
+    Kind.ROS1: "`dcmg bag info` reads it, `rosbag reindex` repairs it",
+}
 
 
 def kind_of(file: Path) -> Kind:

@@ -8,7 +8,7 @@ whole messages is taken too and counted apart, because no check sum vouches for 
 import shutil
 from collections import Counter, defaultdict
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
+from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from pathlib import Path
@@ -21,7 +21,7 @@ from mcap.well_known import Profile
 from numpy.typing import NDArray
 
 from bags.mcap.broken_chunk import rest_of
-from bags.mcap.check import Damage, mcap_files, read_information, start_of
+from bags.mcap.check import Damage, mcap_files, opened, read_information, start_of
 from bags.mcap.chunk import MESSAGE_HEAD, OpenChunk
 from bags.mcap.errors import BagError
 from bags.mcap.file_bytes import FileBytes
@@ -49,6 +49,7 @@ class RepairReport:
         chunks: Sound chunks.
         salvaged: Whole messages of a chunk in which the file breaks off; no check sum vouches for them.
         undescribed: Intact messages that were left out because no record says what they are.
+        left_out: The same by topic, as far as it is known, and why.
         damages: Where the bag was damaged.
     """
 
@@ -57,6 +58,7 @@ class RepairReport:
     chunks: int
     salvaged: int
     undescribed: int
+    left_out: Mapping[str, str]
     damages: tuple[Damage, ...]
 
     def document(self) -> dict[str, Any]:
@@ -67,6 +69,7 @@ class RepairReport:
             "chunks": self.chunks,
             "salvaged": self.salvaged,
             "undescribed": self.undescribed,
+            "left_out": dict(self.left_out),
             "damages": [str(one) for one in self.damages],
         }
 
@@ -82,10 +85,15 @@ def repair(path: Path | str, out: Path | str) -> RepairReport:
         BagError: Nothing to repair, or the new bag cannot be written.
     """
     path, out = Path(path), Path(out)
-    files = mcap_files(path)
+    named = mcap_files(path)
     if out.exists():
         raise BagError(f"{out}: exists already, expected the path of a bag to be made")
     information = read_information(path) if path.is_dir() else {}
+    with ExitStack() as stack:
+        return _repaired([stack.enter_context(opened(file)) for file in named], information, out)
+
+
+def _repaired(files: Sequence[Path], information: Mapping[str, Any], out: Path) -> RepairReport:
     told, agreed = told_types(information), _agreed_metadata(files)
     jobs: list[_File] = []
     damages: list[Damage] = []
@@ -114,9 +122,20 @@ def repair(path: Path | str, out: Path | str) -> RepairReport:
         messages=sum(one.count for one in entries) - salvaged,
         chunks=sum(job.chunks for job in jobs),
         salvaged=salvaged,
-        undescribed=sum(job.undescribed for job in jobs),
+        undescribed=sum(job.undescribed.total() for job in jobs),
+        left_out=_left_out(jobs),
         damages=tuple(damages),
     )
+
+
+def _left_out(jobs: "Sequence[_File]") -> dict[str, str]:
+    """How many intact messages of each topic are missing in the new bag, and why."""
+    counts: Counter[tuple[str, str]] = Counter()
+    for job in jobs:
+        for number, count in job.undescribed.items():
+            topic, why = job.refused.get(number, (f"channel {number}", "nothing says on which topic they were"))
+            counts[topic, why] += count
+    return {topic: f"{count} messages: {why}" for (topic, why), count in counts.items()}
 
 
 def _agreed_metadata(files: Sequence[Path]) -> dict[str, dict[str, str]]:
@@ -217,11 +236,12 @@ class _File:
     new_ids: dict[int, int] = field(default_factory=dict)
     chunks: int = 0
     salvaged: int = 0
-    undescribed: int = 0
+    undescribed: Counter[int] = field(default_factory=Counter)  # intact messages left out, by channel
     compressed: bool = False  # whether messages are, each by itself
     told: Mapping[str, str] = field(default_factory=dict)  # type of each topic as metadata.yaml says
     agreed: dict[str, dict[str, str]] = field(default_factory=dict)  # metadata of each topic, the same in all files
-    refused: dict[int, str] = field(default_factory=dict)  # channels whose definition is none, and why
+    refused: dict[int, tuple[str, str]] = field(default_factory=dict)  # topics whose definition is none, and why
+    trusted: bool = False  # whether a check sum vouches for the definitions
     doubts: Doubts = field(default_factory=Doubts)  # what an earlier copy has proved wrong
     proofs: Proofs = field(default_factory=Proofs)
     given: _Given = field(default_factory=_Given)
@@ -255,6 +275,7 @@ class _File:
             self.faults.append(Fault(start=source.size, what=str(found)))
         self._target = McapFile(path, _compression(source, summary), Profile.ROS2)
         if summary is not None:
+            self.trusted = summary.checked
             self.proofs = Proofs(needed=not summary.channels)
             self._define(summary.schemas, summary.channels)
         self._define(self.given.schemas, self.given.channels)
@@ -305,7 +326,9 @@ class _File:
         for schema in schemas.values():
             self.proofs.meet_schema(schema)
             if schema.id not in self.new_schemas:
-                schema, fault = verified_schema(schema)  # noqa: PLW2901 - the same one, as it was
+                fault = ""
+                if not self.trusted:
+                    schema, fault = verified_schema(schema)  # noqa: PLW2901 - the same one, as it was
                 if fault:
                     self.faults.append(Fault(start=0, what=fault))
                 self.new_schemas[schema.id] = self.target.add_schema(schema.name, schema.encoding, schema.data)
@@ -317,10 +340,11 @@ class _File:
 
     def _define_channel(self, channel: Channel) -> None:
         schema = self.schemas.get(channel.schema_id)
-        fault = self.doubts.about(channel) or channel_fault(channel, schema, self.told)
+        fault = self.doubts.about(channel)
+        fault = fault or ("" if self.trusted else channel_fault(channel, schema, self.told))
         fault = fault or (schema_fault_of(channel, schema, self.told) if self.proofs.needed else "")
         if fault:
-            self.refused[channel.id] = fault
+            self.refused[channel.id] = channel.topic, fault
             self.faults.append(Fault(start=0, what=fault))
             return
         channel, fault = with_sound_metadata(channel)
@@ -360,7 +384,7 @@ class _File:
     def _add(self, content: bytes, table: MessageTable) -> int:
         """Append the messages whose channels are known; return how many."""
         known = np.isin(table.channel_ids, list(self.new_ids))
-        self.undescribed += int(len(table) - known.sum())
+        self.undescribed.update(table.channel_ids[~known].tolist())
         self.missed |= set(np.unique(table.channel_ids[~known]).tolist())
         if not known.any():
             return 0

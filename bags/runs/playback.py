@@ -7,7 +7,7 @@ from typing import NamedTuple, final
 
 from bags.mcap.errors import BagError
 from bags.mcap.recording import TopicFilter
-from bags.runs.played import CDR, PlayedTopic, Source, open_source
+from bags.runs.played import PlayedTopic, Source, open_source
 from bags.sources.recorded import Known
 from bags.wire.schema import SECOND_PUBLISHER
 
@@ -126,11 +126,7 @@ def open_playback(path: Path | str, selection: Selection, known: Known | None = 
         if name not in source.topics:
             raise BagError(f"{path}: holds no topic {name!r}, expected one of {' '.join(source.topics):.200}")
     chosen = {name: topic for name, topic in source.topics.items() if selection.topics.accepts(name)}
-    left_out = {
-        name: f"its messages are encoded as {topic.encoding}, expected {CDR}"
-        for name, topic in chosen.items()
-        if topic.encoding != CDR
-    }
+    left_out = {name: topic.fault for name, topic in chosen.items() if topic.fault}
     start_ns = source.start_ns + round(selection.start_offset_sec * 1e9)
     end_ns = source.end_ns
     if selection.duration_sec is not None:

@@ -31,7 +31,7 @@ class PlayedTopic:
         name: Its ROS name.
         type_name: Full message type name.
         type_hash: RIHS01 hash of its type, "" when the bag holds none.
-        encoding: Of its messages; only `cdr` can be published.
+        fault: Why it cannot be published, "" when nothing here speaks against it.
         latched: Whether a late subscriber got what was published before.
         count: Number of messages.
         layouts: What its messages are laid out by, as far as the bag or `--definitions` say so.
@@ -40,7 +40,7 @@ class PlayedTopic:
     name: str
     type_name: str
     type_hash: str
-    encoding: str
+    fault: str
     latched: bool
     count: int
     layouts: tuple[Layout, ...] = field(default=(), repr=False)
@@ -121,7 +121,7 @@ class _ChunkSource:
                 name=name,
                 type_name=types[name],
                 type_hash=channel.metadata.get("topic_type_hash", ""),
-                encoding=channel.message_encoding,
+                fault=_fault([types[name]], [channel.message_encoding]),
                 latched=is_latched(channel.metadata.get("offered_qos_profiles", "")),
                 count=counts[name],
             )
@@ -206,17 +206,21 @@ class _RecordedSource:
                     yield PlayedMessage(time_ns, channel.topic, data)
 
 
+def _fault(types: Sequence[str], encodings: Sequence[str]) -> str:
+    if len(types) > 1:
+        return f"has messages of {' and '.join(types)}, expected one type"
+    return "" if list(encodings) == [CDR] else f"its messages are encoded as {' and '.join(encodings)}, expected {CDR}"
+
+
 def _played(recorded: Recorded, topic: str) -> PlayedTopic:
     channels = [one for one in recorded.topics[topic] if recorded.channels[one]] or recorded.topics[topic]
     types = list(dict.fromkeys(one.definition.type_name for one in channels))
     encodings = list(dict.fromkeys(one.definition.encoding for one in channels))
-    if len(types) > 1:  # one publisher has one type
-        encodings = [f"{' and '.join(types)}"]
     return PlayedTopic(
         name=topic,
         type_name=types[0],
         type_hash=channels[0].definition.type_hash,
-        encoding=" and ".join(encodings),
+        fault=_fault(types, encodings),
         latched=any(one.latched for one in channels),
         count=sum(recorded.channels[one] for one in channels),
         layouts=tuple(found.fields for one in channels if not isinstance(found := recorded.decoders[one], str)),

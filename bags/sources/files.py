@@ -1,23 +1,16 @@
 """Which files a recording consists of, and what metadata.yaml says about them."""
 
-from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from tempfile import TemporaryDirectory
 from typing import Any, final
-
-import zstandard
 
 from bags.mcap.errors import BagError
 from bags.mcap.folder import by_number, named_files, read_metadata
-from bags.mcap.kinds import Kind, check_regular, kind_of
+from bags.mcap.kinds import check_regular
 from bags.mcap.metadata import METADATA_FILE
 
 _SUFFIXES = (".mcap", ".db3", ".bag", ".mcap.zstd", ".db3.zstd", ".mcap.zst", ".db3.zst")
-_PIECE = 1024 * 1024
-_EXPANSION = 100  # a file that grows more than this is a bomb; recordings grow three- to tenfold
-_ALWAYS = 1_000_000_000  # bytes that every file may grow to
 
 
 @final
@@ -66,40 +59,6 @@ def list_files(path: Path) -> Listing:
     notes = (f"{', '.join(unnamed):.200}: not read, {METADATA_FILE} does not name it",) if unnamed else ()
     types, stated = _topics(information)
     return Listing(files=tuple(files), types=types, stated=stated, information=information, notes=notes)
-
-
-@contextmanager
-def plain_file(file: Path) -> Iterator[Path]:
-    """The file, or its decompressed copy for as long as the context lasts.
-
-    Raises:
-        BagError: It cannot be decompressed, or grows beyond reason.
-    """
-    if kind_of(file) is not Kind.ZSTD:
-        yield file
-        return
-    with TemporaryDirectory(prefix="dcmg_") as folder:
-        there = Path(folder) / file.name.removesuffix(".zstd").removesuffix(".zst")
-        _decompress(file, there)
-        yield there
-
-
-def _decompress(file: Path, there: Path) -> None:
-    limit = max(_ALWAYS, _EXPANSION * file.stat().st_size)
-    written = 0
-    try:
-        with (
-            file.open("rb") as packed,
-            there.open("wb") as out,
-            zstandard.ZstdDecompressor().stream_reader(packed, read_across_frames=True) as stream,
-        ):
-            while piece := stream.read(_PIECE):
-                written += len(piece)
-                if written > limit:
-                    raise BagError(f"{file}: decompresses to more than {limit} bytes, expected fewer")
-                out.write(piece)
-    except (OSError, zstandard.ZstdError) as error:
-        raise BagError(f"{file}: cannot be decompressed ({' '.join(str(error).split())})") from error
 
 
 def _topics(information: Mapping[str, Any]) -> tuple[dict[str, str], dict[str, int]]:

@@ -10,7 +10,8 @@ from bags.mcap.definitions import CDR, ROS1, Decoder, Types, decoder_of, install
 from bags.mcap.errors import BagError
 from bags.mcap.expand import expand
 from bags.mcap.kinds import POINTERS, ZSTD_MAGIC, Kind, kind_of
-from bags.sources.files import Listing, list_files, plain_file
+from bags.mcap.unpacked import plain_file
+from bags.sources.files import Listing, list_files
 from bags.sources.mcap_storage import open_mcap
 from bags.sources.ros1_storage import open_ros1
 from bags.sources.source import Channel, RawMessage, Storage

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json as json_module
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
@@ -12,6 +12,9 @@ from rich.console import Console
 from bags.tables.table_format import TableFormat
 from dcmg.commands.definitions import EXIT_LEFT_OUT, Definitions, known_definitions
 from dcmg.tabular import tabulate
+
+if TYPE_CHECKING:
+    from bags.mcap.repair import RepairReport
 
 _EXIT_DAMAGED = 1
 
@@ -96,17 +99,26 @@ def repair(
     ] = None,
     json: Json = False,
 ) -> None:
-    """Write a valid bag with every message that is intact; the damaged one stays as it is."""
+    """Write a valid bag with every message that is intact; the damaged one stays as it is.
+
+    Exit code 3 when intact messages are left out, because nothing says what they are: they are named and counted.
+    """
     from bags.mcap.repair import repair as repair_bag  # noqa: PLC0415 (heavy)
 
     report = repair_bag(bag, out or bag.with_name(f"{bag.stem if bag.is_file() else bag.name}_repaired"))
     if json:
         typer.echo(json_module.dumps(report.document()))
-        return
+    else:
+        _tell_repair(report)
+    if report.undescribed:
+        raise typer.Exit(EXIT_LEFT_OUT)
+
+
+def _tell_repair(report: RepairReport) -> None:
     for damage in report.damages:
         typer.echo(str(damage))
     typer.echo(f"{report.messages} messages of {report.chunks} sound chunks are in {report.path}")
     if report.salvaged:
         typer.echo(f"{report.salvaged} more stood in the broken-off last chunk: no check sum vouches for them")
-    if report.undescribed:
-        typer.echo(f"{report.undescribed} intact messages were left out: nothing says on which topic they were")
+    for topic, what in report.left_out.items():
+        typer.echo(f"left out: {topic}, {what}", err=True)

@@ -85,7 +85,7 @@ class _Player:
     def play(self) -> Played:
         """Play to the end, however often, and account for it."""
         moments = self._moments()
-        first = next(moments)
+        first = next(moments, Moment(self._playback.start_ns, []))
         # what is kept for late subscribers goes out at once: live nodes are ready only when they have it
         topics = self._playback.topics
         self._publish(Moment(first.time_ns, [one for one in first.messages if topics[one[0]].latched]))
@@ -107,9 +107,12 @@ class _Player:
 
     def _moments(self) -> Iterator[Moment]:
         while True:
-            yield from self._playback.moments()
+            empty = True
+            for moment in self._playback.moments():
+                empty = False
+                yield moment
             self._played.loops += 1
-            if not self._options.loop:
+            if empty or not self._options.loop:
                 return
             self._pace.start(time.monotonic(), self._playback.start_ns)
 
