@@ -13,10 +13,11 @@ _JITTER = 0.01  # of the period: what `refuse` takes by default
 # names that say what a number is, most telling first
 _HINTS: Final = (
     (re.compile(r"volt|(^|[._/])(v|u|vdc|v_?bus)(\d*|\[\d+\])$", re.IGNORECASE), "V"),
-    (re.compile(r"curr|amp|(^|[._/])(i|i_?t|idc|il)(\d*|\[\d+\])$", re.IGNORECASE), "A"),
+    (re.compile(r"curr|(^|[._/ ])amp(s|ere|$)|(^|[._/])(i|i_?t|idc|il)(\d*|\[\d+\])$", re.IGNORECASE), "A"),
     (re.compile(r"power$|(^|[._/])p\d*$", re.IGNORECASE), "W"),
 )
-_TIMES: Final = re.compile(r"^(t|time.*|timestamp.*|zeit|sec(onds)?)$", re.IGNORECASE)
+_OUTPUT: Final = re.compile(r"(^|[._/ ])(y|out(put)?s?|meas(ured)?)\d*$", re.IGNORECASE)
+_TIMES: Final = re.compile(r"^(t|.*time.*|.*zeit.*|.*(seconds|sekunden)|secs?|elapsed.*)( ?[\[(].*)?$", re.IGNORECASE)
 
 
 def draft_mapping(source: Path | str, outline: Outline) -> str:
@@ -85,12 +86,16 @@ def _missing(table: Described | None, time: str | None, chosen: list[tuple[Descr
 
 
 def _chosen(candidates: list[tuple[Described, str]]) -> list[tuple[Described, str]]:
-    """A voltage and a current where names tell them, else the first numbers."""
+    """Columns that are called outputs, else a voltage and a current where units or names tell them, else a number."""
+    plain = [one for one in candidates if "[" not in one[1]]
+    outputs = [one for one in candidates if one[0].clock == "column" and _OUTPUT.search(one[1])]
+    if outputs:
+        return outputs
     found: list[tuple[Described, str]] = []
     for unit in ("V", "A"):
-        match = next((one for one in candidates if _unit(one[1]) == unit and "[*]" not in one[1]), None)
+        match = next((one for one in candidates if _quantity(*one) == unit and "[*]" not in one[1]), None)
         found += [match] if match else []
-    return found or [one for one in candidates if "[" not in one[1]][:1] or candidates[:1]
+    return found or plain[:1] or candidates[:1]
 
 
 def _signals(chosen: list[tuple[Described, str]], indent: str) -> Iterator[str]:
@@ -120,6 +125,12 @@ def _sampling(readable: list[Described]) -> Iterator[str]:
 def _time_of(table: Described) -> str | None:
     names = [*table.times, *(one for one in table.fields if _TIMES.match(one))]
     return names[0] if names else None
+
+
+def _quantity(one: Described, field: str) -> str:
+    """V, A or W: what the file states, else what the name tells."""
+    stated = dict(one.units).get(field, "")
+    return stated[-1:] if stated else _unit(field)
 
 
 def _unit(field: str) -> str:

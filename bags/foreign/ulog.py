@@ -1,5 +1,6 @@
 """PX4 flight logs (ULog), through the `pyulog` library: `/topic.field`, `/topic_1.field` for the second instance."""
 
+import struct
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,8 @@ from bags.mcap.kinds import POINTERS, kind_of
 
 _STAMP = "timestamp"
 _MICROSECOND_NS = 1000
+_HEAD = 16  # magic, version and start
+_RECORD = struct.Struct("<HB")  # length and kind of a message
 
 
 def is_ulog(source: Path) -> bool:
@@ -41,9 +44,26 @@ def ulog_topics(source: Path) -> tuple[dict[str, Any], tuple[str, ...]]:
     if log.dropouts:
         lost_sec = sum(one.duration for one in log.dropouts) * 1e-3
         notes.append(f"the logger dropped data {len(log.dropouts)} times, {lost_sec:g} s in all")
+    rest = _rest_of(source)
+    if rest:
+        notes.append(f"the log breaks off: its last {rest} bytes are no whole message")
     if log.file_corruption:
         notes.append("the log is damaged: what could be read was read")
     return found, tuple(notes)
+
+
+def _rest_of(source: Path) -> int:
+    """Bytes behind the last whole message; pyulog passes them over."""
+    at, size = _HEAD, source.stat().st_size
+    with source.open("rb") as stream:
+        while at < size:
+            stream.seek(at)
+            head = stream.read(_RECORD.size)
+            end = at + _RECORD.size + (_RECORD.unpack(head)[0] if len(head) == _RECORD.size else size)
+            if end > size:
+                return size - at
+            at = end
+    return 0
 
 
 def read_ulog(source: Path, fields: Sequence[str]) -> tuple[tuple[Recording, ...], tuple[str, ...]]:

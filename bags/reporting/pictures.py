@@ -19,6 +19,7 @@ from bags.reporting.timeline import Timeline
 from monitor.detectors import Phase
 
 _PANELS_PER_ROW: Final = 4
+_STATES = ("bus voltage $V$ [V]", "filter current $I_t$ [A]")
 _MOST_LABELS: Final = 6  # names of attacks that fit above the states
 _DPI: Final = 150
 _LEAST: Final = 1e-3  # scores below are as good as zero, and drawn here
@@ -54,18 +55,13 @@ def draw(timeline: Timeline, judged: Judged, folder: Path | str) -> tuple[Path, 
 def draw_states(timeline: Timeline, judged: Judged) -> Figure:
     """Voltage, current and secondary correction of every DGU over time; attacks are shaded and named."""
     figure = Figure(figsize=(9.0, 8.0), layout="constrained")
-    panels = figure.subplots(3, 1, sharex=True)
     curves, dgus = timeline.curves, timeline.run.topics.dgus
-    count = range(len(dgus))
-    quantities = (
-        (curves.x.times(timeline.period_sec), [curves.x.line(at, 0) for at in count], "bus voltage $V$ [V]"),
-        (curves.x.times(timeline.period_sec), [curves.x.line(at, 1) for at in count], "filter current $I_t$ [A]"),
-        (
-            curves.alpha.times(timeline.period_sec),
-            [curves.alpha.line(at) for at in count],
-            r"secondary correction $\alpha$ [V]",
-        ),
-    )
+    count, times = range(len(dgus)), curves.x.times(timeline.period_sec)
+    labels = _STATES[: curves.x.low.shape[2]]  # a plant from outside may have one state
+    quantities = [(times, [curves.x.line(at, state) for at in count], label) for state, label in enumerate(labels)]
+    corrections = [curves.alpha.line(at) for at in count]
+    quantities.append((curves.alpha.times(timeline.period_sec), corrections, r"secondary correction $\alpha$ [V]"))
+    panels = figure.subplots(len(quantities), 1, sharex=True)
     rows = [row for row in judged.attacks if row.attack.began]
     for axes, (times, lines, label) in zip(panels, quantities, strict=True):
         prepare(axes)

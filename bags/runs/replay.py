@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import chain
 from pathlib import Path
 from typing import final
 
@@ -96,6 +97,29 @@ def replay_windows(
             team=team,
         )
         alarm = outputs.alarm[-1] if window.steps else alarm
+
+
+def concluded(windows: Iterable[RunRecord], overrides: Sequence[str] = ()) -> Iterator[RunRecord]:
+    """As recorded, where somebody watched; else as `replay_windows`.
+
+    A stream that was imported holds what its monitors are told and the histories that they learn from, and no
+    conclusions: nobody has watched it yet.
+
+    Args:
+        windows: Consecutive windows from step 0 on.
+        overrides: As for `replay`; any lets fresh monitors watch.
+
+    Raises:
+        Exception: As `replay`, with the first window.
+    """
+    rest = iter(windows)
+    first = next(rest, None)
+    if first is None:
+        return
+    told = not first.scenario_text and MONITOR_ATTACHMENT in first.attachments
+    known = {link.source for link in first.links} <= {one.dgu for one in first.histories}
+    unwatched = told and known and not first.designs
+    yield from replay_windows(chain([first], rest), overrides) if overrides or unwatched else chain([first], rest)
 
 
 @final

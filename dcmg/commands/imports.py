@@ -157,8 +157,7 @@ def stream(
     changes = _changes(time=time, period=period, stamps=stamps, policy=policy, tolerance=tolerance, max_gap=max_gap)
     changes |= _given({"seed": seed})
     if attack is not None:
-        if mapping is not None and link is None:
-            raise CommandError("--link: expected the falsified link beside --attack")
+        link = link or _only_link(mapping)
         changes["attacks"] = [_ordered(attack, str(link), context.args, start, stop)]
         entry = {} if mapping is not None and not (y or delivered) else entry
     elif context.args:
@@ -263,6 +262,16 @@ def example(
     write_lab_bag(folder / LAB)
     write_field_bag(folder / FIELD)
     typer.echo(f"{LAB} (MCAP), {FIELD} (sqlite3) and mapping.yaml are in {folder}")
+
+
+def _only_link(mapping: Path | None) -> str | None:
+    """The link of a mapping that maps one stream."""
+    from bags.foreign.mapping import load_data  # noqa: PLC0415 (heavy)
+
+    streams = None if mapping is None else load_data(mapping).get("streams")
+    if isinstance(streams, list) and len(streams) == 1 and isinstance(streams[0], dict) and "link" in streams[0]:
+        return str(streams[0]["link"])
+    raise CommandError("--link: expected the falsified link beside --attack")
 
 
 def _deviations(text: str) -> float | tuple[float, ...]:

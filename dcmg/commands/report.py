@@ -10,10 +10,7 @@ import typer
 from dcmg.progress import shown
 
 if TYPE_CHECKING:
-    from collections.abc import Iterable
-
     from bags.reporting.write import Report
-    from bags.runs.run_record import RunRecord
 
 
 def report(
@@ -51,10 +48,10 @@ def report(
     from bags.reporting.options import ReportOptions  # noqa: PLC0415
     from bags.reporting.write import write_report  # noqa: PLC0415
     from bags.runs.reader import open_run  # noqa: PLC0415 (heavy)
-    from bags.runs.replay import replay_windows  # noqa: PLC0415
+    from bags.runs.replay import concluded  # noqa: PLC0415
 
     run = open_run(bag)
-    windows: Iterable[RunRecord] = replay_windows(run.windows(), set_) if set_ else run.windows()
+    windows = concluded(run.windows(), set_ or ())
     options = ReportOptions(level=level, seed=seed, block_sec=block, aftermath_sec=aftermath)
     folder = out or bag.with_name(f"{bag.resolve().name}_report")
     made = write_report(shown(windows, run.steps, "reading"), run.steps, folder, options)
@@ -63,6 +60,10 @@ def report(
         return
     for line in _lines(made):
         typer.echo(line)
+    if not any(one.row.monitored for one in made.assessment.links):
+        typer.echo(
+            "no link was watched: the bag holds no design, nor, for a stream from outside, the histories to make one"
+        )
 
 
 def _lines(made: Report) -> list[str]:

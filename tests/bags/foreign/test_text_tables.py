@@ -140,8 +140,8 @@ def test_tables_of_libraries(tmp_path: Path) -> None:
         open_table(tmp_path / "lab.pkl")
 
 
-def test_household_of_the_docs(tmp_path: Path) -> None:
-    """The commands of docs/import.md on a file in the format of the public one: a missing minute is not delivered."""
+def test_household(tmp_path: Path) -> None:
+    """A table of a household as a public repository has it: a missing minute is not delivered, attacks are labelled."""
     lines = ["Date;Time;Global_active_power;Voltage;Global_intensity"]
     for minute in range(300):
         cells = "?;?;?" if minute == 70 else f"4.2;{240 + math.sin(minute):.3f};{18 + math.cos(minute):.3f}"
