@@ -241,6 +241,7 @@ class _File:
     told: Mapping[str, str] = field(default_factory=dict)  # type of each topic as metadata.yaml says
     agreed: dict[str, dict[str, str]] = field(default_factory=dict)  # metadata of each topic, the same in all files
     refused: dict[int, tuple[str, str]] = field(default_factory=dict)  # topics whose definition is none, and why
+    described: bool = False  # whether the summary says what the messages are
     trusted: bool = False  # whether a check sum vouches for the definitions
     doubts: Doubts = field(default_factory=Doubts)  # what an earlier copy has proved wrong
     proofs: Proofs = field(default_factory=Proofs)
@@ -274,9 +275,11 @@ class _File:
         if summary is None:
             self.faults.append(Fault(start=source.size, what=str(found)))
         self._target = McapFile(path, _compression(source, summary), Profile.ROS2)
+        self.described = summary is not None and summary.describes
         if summary is not None:
+            self.proofs = Proofs(needed=not self.described)
+        if summary is not None and self.described:
             self.trusted = summary.checked
-            self.proofs = Proofs(needed=not summary.channels)
             self._define(summary.schemas, summary.channels)
         self._define(self.given.schemas, self.given.channels)
         only_broken_off = summary is None
@@ -290,17 +293,17 @@ class _File:
                     self.faults.append(one)
                     only_broken_off = False
                 case Messages():
-                    self._definitions_in(one, summary)
+                    self._definitions_in(one)
                     self._add_chunk(one)
                     only_broken_off = only_broken_off and one.indexed
                 case Frame():
-                    self._take(one, summary)
+                    self._take(one)
 
-    def _take(self, frame: Frame, summary: SummarySection | None) -> None:
+    def _take(self, frame: Frame) -> None:
         match frame.opcode:
-            case Opcode.SCHEMA if summary is None:
+            case Opcode.SCHEMA if not self.described:
                 self._define({frame.record.id: frame.record}, {})
-            case Opcode.CHANNEL if summary is None:
+            case Opcode.CHANNEL if not self.described:
                 self._define({}, {frame.record.id: frame.record})
             case Opcode.ATTACHMENT:
                 record = frame.record
@@ -313,8 +316,8 @@ class _File:
             case _:
                 pass
 
-    def _definitions_in(self, found: Messages, summary: SummarySection | None) -> None:
-        if summary is not None and summary.channels:
+    def _definitions_in(self, found: Messages) -> None:
+        if self.described:
             return
         for opcode, start, end in found.table.definitions:
             record = parse_definition(opcode, found.chunk.content[start:end])

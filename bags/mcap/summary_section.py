@@ -40,6 +40,11 @@ class SummarySection:
     metadata: tuple[int, ...]
     statistics: Statistics | None
 
+    @property
+    def describes(self) -> bool:
+        """Whether it repeats the channels and their schemas, as it may."""
+        return bool(self.channels) and {one.schema_id for one in self.channels.values()} <= {0, *self.schemas}
+
 
 def summary_of(source: FileBytes) -> SummarySection | str:
     """The summary, or one sentence on why it cannot be trusted."""
