@@ -18,12 +18,14 @@ MISSING: Final = frozenset(
     | {"#nv", "#n/d", "#wert!", "#bezug!", "#zahl!", "#valeur!", "#nombre!", "#valor!", "#¡valor!"}
     | {"#div/0!", "#value!", "#ref!", "#num!", "#name?", "#null!", "no data", "nodata", "bad", "bad input"}
 )
+_MINUS = "\N{MINUS SIGN}"  # as typesetters write it
 _TRUTHS = {"true": 1.0, "false": 0.0}
 _TIME = re.compile(
     r"(?:(?P<date>\d{4}-\d\d-\d\d|\d{4}/\d\d/\d\d|\d\d\.\d\d\.\d{4})(?:[T ]|$))?"
     r"(?:(?P<hour>\d{1,2}):(?P<minute>\d\d)(?::(?P<second>\d\d)(?:[.,](?P<fraction>\d{1,9}))?)?"
     r"(?: ?(?P<zone>Z|UTC|GMT|[+-]\d\d(?::?\d\d)?))?)?"
 )
+_BASIC = re.compile(r"^(\d{4})(\d\d)(\d\d)T(\d\d)(\d\d)(\d\d)(?=$|[.,Z+-])")  # of ISO 8601
 _SECOND_NS = 1_000_000_000
 
 
@@ -44,7 +46,7 @@ def is_time(cell: str) -> bool:
 
 def numbers_of(cells: Any, decimal: str) -> tuple[NDArray[np.float64], int | None]:  # noqa: ANN401 - an Arrow array
     """Cells as numbers, NaN where one is missing or infinite, and the row of the first one that is none."""
-    trimmed = pc.utf8_trim_whitespace(cells)
+    trimmed = pc.replace_substring(pc.utf8_trim_whitespace(cells), _MINUS, "-")
     known = pc.if_else(pc.is_in(pc.utf8_lower(trimmed), value_set=pa.array(sorted(MISSING))), None, trimmed)
     if decimal == "," and pc.any(pc.match_substring(known, ".")).as_py():
         return _one_by_one(known, decimal)
@@ -72,7 +74,7 @@ def times_of(texts: Sequence[str]) -> tuple[NDArray[np.int64], int | None]:
 
 
 def _time(cell: str) -> re.Match[str] | None:
-    match = _TIME.fullmatch(cell.strip())
+    match = _TIME.fullmatch(_BASIC.sub(r"\1-\2-\3T\4:\5:\6", cell.strip()))
     if match is None or not (match["date"] or match["hour"]) or (match["zone"] and not match["date"]):
         return None
     return match
@@ -117,7 +119,7 @@ def _one_by_one(cells: Any, decimal: str) -> tuple[NDArray[np.float64], int | No
 
 def _number(cell: str, decimal: str) -> float:
     """The number, NaN when it is none."""
-    text = cell.strip()
+    text = cell.strip().replace(_MINUS, "-")
     if text.lower() in _TRUTHS:
         return _TRUTHS[text.lower()]
     if decimal == ",":

@@ -1,11 +1,8 @@
 """Tables that are no text: Parquet, HDF5 and netCDF, MAT, spreadsheets; each read by a well-kept library."""
 
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from concurrent.futures import ProcessPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from multiprocessing import get_context
 from pathlib import Path
 from typing import Any, final
 
@@ -14,6 +11,7 @@ from numpy.typing import NDArray
 
 from bags.foreign.cells import is_missing, is_number, is_time, times_of
 from bags.foreign.columns import ColumnInfo, ColumnKind, library, most_cells
+from bags.foreign.mat_arrays import mat_arrays
 from bags.foreign.units import unit_in_name
 from bags.mcap.errors import BagError
 from bags.mcap.kinds import check_regular
@@ -182,23 +180,8 @@ def open_mat(file: Path) -> ArrayTable:
     with file.open("rb") as stream:
         if b"MATLAB 7.3" in stream.read(128):
             return open_hdf5(file)
-    with _opened(file, "MAT"), ProcessPoolExecutor(1, mp_context=get_context("spawn")) as reader:
-        try:
-            arrays = reader.submit(_mat_arrays, file).result()
-        except BrokenProcessPool:
-            raise BagError(f"{file}: cannot be read as MAT (damaged: its reader crashed)") from None
-    return _of_arrays(file, arrays, {})
-
-
-def _mat_arrays(file: Path) -> dict[str, NDArray[Any]]:
-    """The arrays of a MAT file; in a process of its own, because scipy's reader can crash on a damaged one."""
-    from scipy.io import loadmat  # noqa: PLC0415 - heavy
-
-    arrays: dict[str, NDArray[Any]] = {}
-    for name, value in loadmat(str(file), squeeze_me=False, chars_as_strings=True).items():
-        if not name.startswith("__"):
-            _flatten_mat(name, value, arrays)
-    return arrays
+    check_regular(file)
+    return _of_arrays(file, mat_arrays(file), {})
 
 
 def open_spreadsheet(file: Path) -> ArrayTable:
@@ -290,14 +273,6 @@ def _columns_of(name: str, shape: Sequence[int], unit: str) -> Iterator[tuple[Co
     elif len(shape) == _MATRIX:
         for place in range(shape[1] if shape[1] <= _MOST_COLUMNS else 0):
             yield ColumnInfo(name=f"{name}[{place}]", kind=ColumnKind.NUMBER, unit=unit), place
-
-
-def _flatten_mat(name: str, value: Any, found: dict[str, NDArray[Any]]) -> None:  # noqa: ANN401 - of scipy
-    if isinstance(value, np.ndarray) and value.dtype.names and value.size == 1:
-        for inner in value.dtype.names:
-            _flatten_mat(f"{name}.{inner}", value.ravel()[0][inner], found)
-    elif isinstance(value, np.ndarray):
-        found[name] = value
 
 
 def _arrow_values(column: Any) -> NDArray[Any]:  # noqa: ANN401 - pyarrow ships no types

@@ -31,6 +31,12 @@ _OTHERS: Final = {
     ".pkl": "a pickle runs code when it is opened: save it as .parquet",
     ".npy": "save it as .csv or .parquet",
     ".npz": "save it as .csv or .parquet",
+    ".xz": "decompress it, or use .gz or .zst",
+    ".zip": "unpack it",
+    ".7z": "unpack it",
+    ".tgz": "unpack it",
+    ".tar.gz": "unpack it",
+    ".html": "save it as .csv",
 }
 
 

@@ -21,40 +21,16 @@ from bags.foreign.cells import (
     times_of,
 )
 from bags.foreign.columns import ColumnInfo, ColumnKind
+from bags.foreign.dialect import BLANK, Dialect, dialect_of, rows_of
 from bags.foreign.units import unit_in_name
 from bags.mcap.errors import BagError
 from bags.mcap.kinds import check_regular
 
 SUFFIXES: Final = (".csv", ".tsv", ".txt", ".dat", ".csv.gz", ".tsv.gz", ".txt.gz", ".csv.bz2", ".csv.zst")
-_SEPARATORS = (",", ";", "\t", "|")
 _HEAD_BYTES = 256 * 1024
-_HEAD_LINES = 50
-_COMMENT = ("#", "%")
 _BLOCK_BYTES = 1 << 20
 _EXPANSION = 50
 _ALWAYS = 200_000_000
-
-
-@final
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Dialect:
-    """How a table is written.
-
-    Attributes:
-        separator: Between cells.
-        decimal: "." or ",".
-        encoding: Of the text.
-        skipped: Lines before the first row of values: comments, names, units.
-        names: Of the columns, without white space around them.
-        units: Of the columns, "" where nothing says it.
-    """
-
-    separator: str
-    decimal: str
-    encoding: str
-    skipped: int
-    names: tuple[str, ...]
-    units: tuple[str, ...]
 
 
 @final
@@ -93,14 +69,20 @@ class TextTable:
                 else:
                     values, wrong = numbers_of(cells, self.dialect.decimal)
                 if wrong is not None:
-                    what = "time" if info.kind is ColumnKind.TIME else "number"
+                    what = self._expected(info.kind, str(cells[wrong].as_py()))
                     raise BagError(
                         f"{self.file}: column {info.name} holds {cells[wrong].as_py()!r} in {self.where(row + wrong)}, "
-                        f"expected a {what}, or an empty cell for a missing one"
+                        f"expected {what}, or an empty cell for a missing one"
                     )
                 found[info.name] = values
             yield found
             row += len(next(iter(block.values()), ()))
+
+    def _expected(self, kind: ColumnKind, cell: str) -> str:
+        if kind is ColumnKind.TIME or re.search(r"\d[:/]\d", cell):
+            return "a time as in 2025-03-30T00:59:59.010+02:00"
+        sign = {".": "point", ",": "comma"}[self.dialect.decimal]
+        return f"a number (with a decimal {sign}, nothing between thousands, no unit)" if len(cell) > 1 else "a number"
 
     def where(self, row: int) -> str:
         """The line of a row, as an editor counts it."""
@@ -115,7 +97,7 @@ class TextTable:
         labels = [str(number) for number in range(len(dialect.names))]
         wanted = [labels[position] for position in positions]
         try:
-            with _bounded(self.file) as stream:
+            with _bounded(self.file, blanks=dialect.separator == BLANK) as stream:
                 reader = pa_csv.open_csv(
                     stream,
                     read_options=pa_csv.ReadOptions(
@@ -125,7 +107,9 @@ class TextTable:
                         use_threads=False,
                         block_size=_BLOCK_BYTES,
                     ),
-                    parse_options=pa_csv.ParseOptions(delimiter=dialect.separator, newlines_in_values=True),
+                    parse_options=pa_csv.ParseOptions(
+                        delimiter="\t" if dialect.separator == BLANK else dialect.separator, newlines_in_values=True
+                    ),
                     convert_options=pa_csv.ConvertOptions(
                         include_columns=wanted,
                         column_types=dict.fromkeys(labels, pa.string()),
@@ -149,10 +133,8 @@ class TextTable:
             )
             for _ in range(self.dialect.skipped):
                 text.readline()
-            reader = csv.reader(text, delimiter=self.dialect.separator)
-            for row in reader:
-                if row:
-                    yield reader.line_num + self.dialect.skipped, row
+            for line, row in rows_of(text, self.dialect.separator):
+                yield line + self.dialect.skipped, row
 
     def _odd_row(self) -> str:
         """What is wrong with the first row whose number of cells is wrong."""
@@ -179,52 +161,29 @@ def open_text(file: Path) -> TextTable:
             raw = stream.read(_HEAD_BYTES)
     except (OSError, EOFError, pa.ArrowInvalid) as error:
         raise BagError(f"{file}: cannot be read ({_line(error)})") from error
-    encoding = _encoding(raw)
-    text = raw.decode(encoding, "replace").lstrip("\ufeff")
-    if "\0" in text:
-        raise BagError(f"{file}: holds bytes that are no text, expected a table with names in the first row")
-    whole = len(raw) < _HEAD_BYTES
-    lines = text.splitlines()[: None if whole else -1]
-    skipped, separator = 0, ""
-    if lines and (stated := re.fullmatch(r"sep=(.)", lines[0].strip())):
-        separator, skipped = stated[1], 1
-    while skipped < len(lines) and (not lines[skipped].strip() or lines[skipped].lstrip().startswith(_COMMENT)):
-        skipped += 1
-    body = lines[skipped : skipped + _HEAD_LINES]
-    if not body:
-        raise BagError(f"{file}: holds no row of names, expected one")
-    separator = separator or _separator(body)
-    rows = [row for row in csv.reader(body, delimiter=separator) if row]
-    names = tuple(name.strip() for name in rows[0])
-    decimal = "," if separator != "," and _decimal_comma(rows[1:]) else "."
-    values = rows[1:]
-    units = ("",) * len(names)
-    skipped += 1
-    if _is_unit_row(values, decimal):
-        units = tuple(cell.strip().strip("[]()").strip() for cell in values[0])
-        units = (*units, *[""] * (len(names) - len(units)))[: len(names)]
-        values, skipped = values[1:], skipped + 1
-    if all(is_number(name, decimal) for name in names):
-        raise BagError(
-            f"{file}: the first row holds numbers ({', '.join(names):.60}), expected the names of the columns"
-        )
-    dialect = Dialect(
-        separator=separator, decimal=decimal, encoding=encoding, skipped=skipped, names=names, units=units
-    )
+    try:
+        dialect, values = dialect_of(raw, whole=len(raw) < _HEAD_BYTES)
+    except BagError as error:
+        raise BagError(f"{file}: {error}") from None
     columns = tuple(
         ColumnInfo(
             name=name,
-            kind=_kind([row[position] for row in values if position < len(row)], decimal),
-            unit=units[position] or unit_in_name(name),
+            kind=_kind([row[position] for row in values if position < len(row)], dialect.decimal),
+            unit=dialect.units[position] or unit_in_name(name),
         )
-        for position, name in enumerate(names)
+        for position, name in enumerate(dialect.names)
     )
     return TextTable(file=file, dialect=dialect, columns=columns, rows=-1, notes=())
 
 
-def _bounded(file: Path) -> Any:  # noqa: ANN401 - pyarrow ships no types
-    """The file as a stream of its decompressed bytes, of which there may not be endlessly many."""
-    return pa.PythonFile(_Bounded(file), mode="r")
+def _bounded(file: Path, *, blanks: bool = False) -> Any:  # noqa: ANN401 - pyarrow ships no types
+    """The file as a stream of its decompressed bytes, of which there may not be endlessly many.
+
+    Args:
+        file: The file.
+        blanks: Whether blanks separate its cells: one tab takes the place of any number of them.
+    """
+    return pa.PythonFile(_Tabbed(file) if blanks else _Bounded(file), mode="r")
 
 
 @final
@@ -260,42 +219,30 @@ class _Bounded(io.RawIOBase):
         return len(found)
 
 
-def _encoding(raw: bytes) -> str:
-    if raw.startswith((b"\xff\xfe", b"\xfe\xff")):
-        return "utf-16"
-    try:
-        raw[:-4].decode("utf-8")
-    except UnicodeDecodeError as error:
-        if error.start < len(raw) - 8:
-            return "cp1252"
-    return "utf-8"
+@final
+class _Tabbed(io.RawIOBase):
+    """A file with one tab wherever it has blanks between cells, and none around a line."""
 
+    def __init__(self, file: Path) -> None:
+        """Open the file."""
+        super().__init__()
+        self._lines = io.BufferedReader(_Bounded(file), _BLOCK_BYTES)
+        self._ready = bytearray()
 
-def _separator(lines: Sequence[str]) -> str:
-    """The separator that gives every line the same number of cells, the more the better."""
+    def readable(self) -> bool:
+        """It is."""
+        return True
 
-    def score(separator: str) -> tuple[bool, int]:
-        counts = [len(row) for row in csv.reader(lines, delimiter=separator) if row]
-        same = len(set(counts)) == 1 and counts[0] > 1
-        return same, counts[0] if counts else 0
-
-    return max(_SEPARATORS, key=score)
-
-
-def _decimal_comma(rows: Sequence[Sequence[str]]) -> bool:
-    cells = [cell.strip() for row in rows for cell in row]
-    return any(re.fullmatch(r"[-+]?\d*,\d+([eE][-+]?\d+)?", cell) for cell in cells)
-
-
-def _is_unit_row(rows: Sequence[Sequence[str]], decimal: str) -> bool:
-    """Whether the first row says in which units the following ones are."""
-    if len(rows) < 2:  # noqa: PLR2004 - units, and values to tell them from
-        return False
-    first = [cell.strip() for cell in rows[0]]
-    texts = [cell for cell in first if cell and not is_missing(cell)]
-    plain = not any(is_number(cell, decimal) or is_time(cell) for cell in texts)
-    below = zip(first, rows[1], strict=False)
-    return bool(texts) and plain and any(cell and is_number(under, decimal) for cell, under in below)
+    def read(self, size: int = -1) -> bytes:
+        """Some bytes."""
+        while size < 0 or len(self._ready) < size:
+            line = self._lines.readline()
+            if not line:
+                break
+            self._ready += b"\t".join(line.split()) + b"\n"
+        found = bytes(self._ready if size < 0 else self._ready[:size])
+        del self._ready[: len(found)]
+        return found
 
 
 def _kind(cells: Sequence[str], decimal: str) -> ColumnKind:

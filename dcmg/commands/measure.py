@@ -7,6 +7,7 @@ from pathlib import Path
 import typer
 from rich.console import Console
 
+from dcmg.commands.measure_import import measure_import
 from dcmg.commands.paper import PaperExperiment, add_command
 from dcmg.commands.soak import soak
 from dcmg.tabular import tabulate
@@ -45,6 +46,7 @@ def list_() -> None:
     """List the measurements."""
     rows = [(name, measure.title) for name, measure in MEASURES.items()]
     rows.append(("soak", "A long run over ROS 2: bounded memory, a sound bag, and a replay that is bit-identical"))
+    rows.append(("import", "Memory that the import of a long recording of many topics takes"))
     Console().print(tabulate(("measurement", "what it shows"), rows, framed=False))
 
 
@@ -52,3 +54,4 @@ for _name, _measure in MEASURES.items():
     add_command(app, _name, _measure, Path("out/measure"))
 
 app.command("soak")(soak)
+app.command("import")(measure_import)

@@ -25,12 +25,14 @@ BEGIN = dt.datetime(2025, 3, 30, 0, 59, 58, tzinfo=dt.UTC)
 
 @settings(max_examples=150, derandomize=True, deadline=None)
 @given(
-    separator=st.sampled_from([",", ";", "\t", "|"]),
+    separator=st.sampled_from([",", ";", "\t", "|", "  "]),
     comma=st.booleans(),
     rows=st.lists(st.tuples(NUMBERS, st.one_of(NUMBERS, st.none())), min_size=3, max_size=30),
     missing=st.sampled_from(sorted(MISSING - {""})),
     units=st.booleans(),
     zone=st.sampled_from([None, *ZONES]),
+    quoted=st.booleans(),
+    basic=st.booleans(),
     ending=st.sampled_from(["\n", "\r\n"]),
     encoding=st.sampled_from(["utf-8", "utf-8-sig", "utf-16"]),
 )
@@ -42,20 +44,26 @@ def test_every_way_to_write_a_table(  # noqa: PLR0917 - hypothesis gives one arg
     missing: str,
     units: bool,  # noqa: FBT001 - idem
     zone: str | None,
+    quoted: bool,  # noqa: FBT001 - idem
+    basic: bool,  # noqa: FBT001 - idem
     ending: str,
     encoding: str,
 ) -> None:
-    """Separator x decimal sign x missing value x units x clock x line ending x encoding: what was written is read."""
-    comma = comma and separator != ","
+    """Separator x decimal x missing x units x clock x quotes x line ending x encoding: what was written is read."""
+    blanks = separator == "  "
+    comma = comma and not blanks and (separator != "," or (quoted and zone is None))  # else "1,234" may be a thousand
+    missing = "nan" if blanks and (" " in missing or not missing) else missing
+    quoted, encoding = quoted and not blanks, "utf-8" if blanks else encoding
 
     def cell(value: float | None) -> str:
-        return missing if value is None else repr(value).replace(".", "," if comma else ".")
+        text = missing if value is None else repr(value).replace(".", "," if comma else ".")
+        return f'"{text}"' if quoted else text
 
     times = [BEGIN + dt.timedelta(milliseconds=10 * number) for number in range(len(rows))]
     clock = [
         cell(0.01 * number)
         if zone is None
-        else f"{time.replace(tzinfo=None).isoformat(sep='T', timespec='microseconds')}{zone}"
+        else time.strftime("%Y%m%dT%H%M%S.%f" if basic else "%Y-%m-%dT%H:%M:%S.%f") + zone
         for number, time in enumerate(times)
     ]
     lines = [["t", "V", "I"], *([["s", "mV", "°"]] if units else [])]
@@ -90,6 +98,39 @@ def test_wrong_cells_are_named_as_an_editor_counts(tmp_path: Path) -> None:
         read_columns(open_table(file), ["V"])
 
 
+@pytest.mark.parametrize(
+    ("text", "what"),
+    [
+        ('t,V\n0,1.5\n1,2.5\n2,"3,5"\n', r"column V holds '3,5' in line 4, expected a number \(with a decimal point"),
+        ("t;V\n0,1;1,5\n0,2;1.002,5\n", r"holds '1.002,5' in line 3, expected a number \(with a decimal comma"),
+        ("t,V\n0,1 V\n1,2 V\n", r"column V holds '1 V' in line 2, expected a number .*no unit"),
+        (
+            't,V\n0,"1,234"\n1,"2,345"\n',
+            r"column V holds '1,234' in line 2, expected a number .*nothing between thousands",
+        ),
+        ("t,V\n0,03/30/2025 1:00\n1,03/30/2025 1:01\n", r"expected a time as in 2025-03-30T00:59:59"),
+        ("Device: X\nSerial: 7\n\nt,V\n0,1\n1,2\n", r"line 4 looks like the names of the columns.*put # before"),
+        ("t V\n0 1\n1 2 3\n2 3\n", r"line 3 has 3 cells, expected 2"),
+        ("0,1\n1,2\n", r"the first row holds numbers"),
+    ],
+)
+def test_what_cannot_be_read_says_what_would_mend_it(tmp_path: Path, text: str, what: str) -> None:
+    """Line, column, cell, and how it would be read."""
+    file = tmp_path / "lab.csv"
+    file.write_text(text)
+    with pytest.raises(BagError, match=what):
+        read_columns(open_table(file), ["V"])
+
+
+def test_names_in_a_comment(tmp_path: Path) -> None:
+    """As numpy writes a table, with blanks or commas."""
+    values = np.stack([0.01 * np.arange(20), np.round(48 + np.sin(np.arange(20.0)), 6)], axis=1)
+    for separator in (" ", ","):
+        np.savetxt(tmp_path / "lab.txt", values, header=f"a bench\nt{separator}V", delimiter=separator, fmt="%.9f")
+        found = read_columns(open_table(tmp_path / "lab.txt"), ["t", "V"])
+        np.testing.assert_array_equal(np.stack([found["t"], found["V"]], axis=1), values)
+
+
 def test_stated_units_count_where_the_mapping_says_nothing(tmp_path: Path) -> None:
     """Millivolts become volts once, milliseconds seconds, and a unit of the mapping wins."""
     file = tmp_path / "lab.csv"
@@ -115,6 +156,9 @@ def test_tables_of_libraries(tmp_path: Path) -> None:
     with h5py.File(tmp_path / "lab.h5", "w") as out:
         out["t"], out["V"] = t, V
     scipy.savemat(tmp_path / "lab.mat", {"t": t, "V": V})
+    (tmp_path / "cut.mat").write_bytes((tmp_path / "lab.mat").read_bytes()[:200])
+    with pytest.raises(BagError, match="cannot be read as MAT"):
+        open_table(tmp_path / "cut.mat")
     with scipy.netcdf_file(tmp_path / "lab.nc", "w") as out:
         out.createDimension("n", 20)
         for name, values in (("t", t), ("V", V)):
