@@ -7,6 +7,7 @@ import shutil
 import subprocess
 import sys
 import time
+from contextlib import suppress
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -85,14 +86,20 @@ def shared_memory() -> set[str]:
 
 def unowned(names: set[str]) -> set[str]:
     """Those of the shared-memory files that no living process uses: other programs' own are theirs."""
-    used = ""
-    for maps in Path("/proc").glob("[0-9]*/maps") if names else ():
-        try:
-            used += maps.read_text()
-        except OSError:
-            continue
+    used = "".join(_used_by(process) for process in Path("/proc").glob("[0-9]*")) if names else ""
     there = {path.name for path in _SHARED.iterdir()}
     return {name for name in names & there if f"{name.removeprefix('sem.')}\n" not in used and f"{name}\n" not in used}
+
+
+def _used_by(process: Path) -> str:
+    """What a process has mapped, and what it holds open: the files of locks are not mapped."""
+    told = ""
+    with suppress(OSError):  # it has ended, or is another user's
+        told = (process / "maps").read_text()
+        for one in (process / "fd").iterdir():
+            with suppress(OSError):
+                told += f"{one.readlink()}\n"
+    return told
 
 
 def wait_until(condition: Callable[[], bool], timeout_sec: float = _GIVEN_UP_SEC) -> bool:
