@@ -11,6 +11,7 @@ from bags.foreign.sampling import Policy
 from bags.foreign.stamps import Stamps
 from bags.foreign.units import factor_of
 from bags.mcap.errors import BagError
+from bags.mcap.kinds import check_regular
 from bags.wire.row import Widths
 from dgu_sim.errors import ScenarioError
 from dgu_sim.explain import explain
@@ -195,6 +196,8 @@ def load_data(path: Path | str) -> dict[str, Any]:
     """
     path = Path(path)
     try:
+        if path.exists() and not path.is_dir():
+            check_regular(path, "a mapping file")
         text = path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"

@@ -11,6 +11,7 @@ from collections.abc import Mapping, Sequence
 from contextlib import ExitStack, suppress
 from dataclasses import dataclass, field, replace
 from hashlib import sha256
+from itertools import islice
 from pathlib import Path
 from typing import Any, final
 
@@ -36,6 +37,9 @@ from bags.mcap.scan import Fault, Messages, survey
 from bags.mcap.summary_section import SummarySection, summary_of
 from bags.mcap.trusted import channel_fault, told_types, verified_schema
 from bags.mcap.yaml_text import load
+
+_LOOKED_AT = 1000
+"""Records among which the first sound chunk is looked for."""
 
 
 @final
@@ -416,8 +420,8 @@ def _joined(data: NDArray[np.uint8], starts: NDArray[np.int64], ends: NDArray[np
 
 
 def _compression(source: FileBytes, summary: SummarySection | None) -> Compression:
-    """The compression of the file's first sound chunk."""
-    for one in survey(source, summary):
+    """The compression of the file's first sound chunk, if one stands near its beginning."""
+    for one in islice(survey(source, summary), _LOOKED_AT):
         if isinstance(one, Messages):
             return Compression(one.chunk.compression)
     return Compression.ZSTD

@@ -29,6 +29,7 @@ _LOOKED_AT = 4  # times the size of a file may be read in search of its next sou
 _ALWAYS = 64_000_000
 _HEAD_COST = 64
 _NAMES = {0: "", 3: "lz4", 4: "zstd"}  # by length, which survives a wrong letter
+_OPCODES = frozenset(map(int, Opcode))
 
 
 @final
@@ -223,7 +224,7 @@ def _claimed(source: FileBytes, at: int, limit: int) -> int:
 def _fault(source: FileBytes, at: int, limit: int, following: int | None) -> Fault:
     head = source.read(at, FRAME)
     opcode, length = HEAD.unpack(head) if len(head) == FRAME else (0, 0)
-    name = Opcode(opcode).name.lower().replace("_", " ") if opcode in set(Opcode) else f"record of kind {opcode}"
+    name = Opcode(opcode).name.lower().replace("_", " ") if opcode in _OPCODES else f"record of kind {opcode}"
     beyond = len(head) < FRAME or at + FRAME + length > limit
     if beyond and following is None and limit == source.size:
         return Fault(start=at, what=f"the file breaks off in a {name}", breaks_off=True)
