@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -116,6 +117,7 @@ def _run(chosen: options.ScenarioOptions, how: RunOptions, *, json: bool, plots:
     from dcmg.live import LiveDisplay  # noqa: PLC0415 (takes its time)
     from dcmg_bringup.run_job import run_job  # noqa: PLC0415 (heavy)
 
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends like Ctrl-C before and after the nodes run, too
     scenario = chosen.load()
     check_monitors(scenario, chosen, how.designs)
     out = chosen.folder(scenario)
