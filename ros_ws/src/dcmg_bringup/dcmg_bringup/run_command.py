@@ -92,7 +92,9 @@ def run(
     how = RunOptions(
         pacing=pacing, rate=rate, composed=composed, domain=checked_domain(domain), recording=recording, designs=designs
     )
-    raise typer.Exit(_run(chosen, how, json=json, plots=plots))
+    code = _run(chosen, how, json=json, plots=plots)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # all is done and said: nothing changes the exit code any more
+    raise typer.Exit(code)
 
 
 def _duration_sec(text: str | None, pacing: PacingMode) -> float | None:
