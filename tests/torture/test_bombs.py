@@ -10,7 +10,6 @@ import sys
 from itertools import pairwise
 from typing import TYPE_CHECKING
 
-import h5py
 import numpy as np
 import pyarrow as pa
 import pytest
@@ -83,6 +82,7 @@ def _write_tables(folder: Path) -> None:
         out.write(b"a,b\n")
         for _ in range(100):
             out.write(b"0,0\n" * 1_000_000)
+    h5py = pytest.importorskip("h5py")
     with h5py.File(folder / "zeros.h5", "w") as out:
         out.create_dataset("x", shape=(300_000_000,), dtype="f8", chunks=(1_000_000,), compression="gzip", fillvalue=0)
     (folder / "one_row.csv").write_bytes(b"a,b\n" + b"1" * 19_000_000)

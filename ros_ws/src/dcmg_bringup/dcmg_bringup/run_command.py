@@ -93,7 +93,8 @@ def run(
         pacing=pacing, rate=rate, composed=composed, domain=checked_domain(domain), recording=recording, designs=designs
     )
     code = _run(chosen, how, json=json, plots=plots)
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # all is done and said: nothing changes the exit code any more
+    for number in (signal.SIGTERM, signal.SIGINT):
+        signal.signal(number, signal.SIG_IGN)  # all is done and said: nothing changes the exit code any more
     raise typer.Exit(code)
 
 

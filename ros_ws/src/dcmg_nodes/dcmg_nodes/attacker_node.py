@@ -40,6 +40,7 @@ class AttackerNode:
         topics = wiring.topics
         self._outputs = [topics.output(dgu) for dgu in topics.dgus]
         self._inbox: Inbox[bytes] = Inbox([codec.topic.name for codec in self._outputs])
+        self.ports.waits_for(self._inbox.missing)
         self._complete: deque[Sequence[bytes]] = deque()
         self._seconds = SecondPublishers(self.ports, self._advance)
         for slot, codec in enumerate(self._outputs):

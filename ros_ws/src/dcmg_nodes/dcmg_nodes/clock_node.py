@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 from dcmg_msgs.msg import Pacing, Progress, Ready
 
 from bags.wire.schema import CLOCK_NODE
+from dcmg_nodes.companions import names_in_graph
 from dcmg_nodes.options import PacingMode
 from dcmg_nodes.ports import CONTROL_OUT_QOS, CONTROL_QOS, Ports
 from dcmg_nodes.wiring import PACING, PROGRESS, READY, Wiring
@@ -47,6 +48,7 @@ class ClockNode:
         self.ports = Ports(CLOCK_NODE, wiring, host)
         self._config = config
         self._clock, self._tick = wiring.topics.clock(), wiring.topics.tick()
+        self._run = wiring.run
         self._waiting = set(wiring.nodes)
         self._created = time.monotonic()
         self._released = 0
@@ -55,6 +57,7 @@ class ClockNode:
         self._misses = 0
         self._worst_late_sec = 0.0
         self._period_sec = config.period_ns * 1e-9 / config.rate  # of the wall clock
+        self.ports.waits_for(lambda: (PROGRESS,))
         node = self.ports.node
         self._pacing = node.create_publisher(Pacing, PACING, CONTROL_OUT_QOS)
         self._ready = node.create_subscription(Ready, READY, self._on_ready, CONTROL_QOS)
@@ -62,6 +65,8 @@ class ClockNode:
         self._report_timer = node.create_timer(_REPORT_SEC, self._report)
 
     def _on_ready(self, message: Ready) -> None:
+        if message.run != self._run:
+            return  # not of this run: its own process says so
         self._waiting.discard(message.node)
         if not self._waiting and not self._t0:
             self._t0 = time.monotonic()
@@ -98,6 +103,8 @@ class ClockNode:
             Pacing(steps=self._released, deadline_misses=self._misses, worst_late_sec=self._worst_late_sec)
         )
         if self._waiting and time.monotonic() - self._created > self._config.start_timeout_sec:
-            names = ", ".join(sorted(self._waiting))
+            there = names_in_graph(self.ports.node)
+            missing = sorted(name for name in self._waiting if not there[name])  # the others wait for them, too
+            names = ", ".join(missing or sorted(self._waiting))
             reason = f"not ready after {self._config.start_timeout_sec:g} s: {names}"
             self.ports.lifetime.fail(CLOCK_NODE, reason)

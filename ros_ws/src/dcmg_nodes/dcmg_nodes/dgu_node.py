@@ -66,6 +66,7 @@ class DguNode:
             names.append(self._verdict.topic.name)
             self.ports.subscribe(self._verdict.topic, partial(self._receive, len(names) - 1))
         self._inbox: Inbox[bytes] = Inbox(names, primed=frozenset(names[1:]))
+        self.ports.waits_for(self._inbox.missing)
         for slot, topic in enumerate(inputs):
             self.ports.subscribe(topic, partial(self._receive, slot))
         expect = {}

@@ -15,12 +15,14 @@ class Host:
     Attributes:
         lifetime: how long it lives.
         bus: delivery between its own nodes.
+        alone: whether no supervisor looks after it.
     """
 
     lifetime: Lifetime
     bus: LocalBus
+    alone: bool = False
 
 
-def host_of(nodes: tuple[str, ...]) -> Host:
+def host_of(nodes: tuple[str, ...], *, alone: bool = False) -> Host:
     """Return the host of a process that holds these nodes."""
-    return Host(lifetime=Lifetime(nodes), bus=LocalBus(nodes))
+    return Host(lifetime=Lifetime(nodes), bus=LocalBus(nodes), alone=alone)

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 import signal
 from contextlib import ExitStack
 from functools import partial
 from typing import TYPE_CHECKING
 
 import rclpy
+from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from bags.mcap.writer import open_recording
@@ -19,6 +21,7 @@ from bags.wire.schema import ATTACKER_NODE, CLOCK_NODE, dgu_name, monitor_name
 from bags.wire.settings import settings_of
 from dcmg_nodes.attacker_node import AttackerNode
 from dcmg_nodes.clock_node import ClockConfig, ClockNode
+from dcmg_nodes.companions import Companions, Patience, taken_names
 from dcmg_nodes.dgu_node import DguConfig, DguNode
 from dcmg_nodes.errors import NodeError
 from dcmg_nodes.executor import make_executor, spin_until
@@ -56,13 +59,15 @@ def run_nodes(names: Sequence[str], scenario: Scenario, options: NodeOptions) ->
     for name in names:
         if name not in wiring.nodes:
             raise NodeError(f"{name}: no such node; scenario {scenario.name} has {', '.join(wiring.nodes)}")
-    host = host_of(tuple(names))
+    host = host_of(tuple(names), alone=options.alone)
     # A KeyboardInterrupt could hit in the middle of a step: take signals between callbacks instead.
     rclpy.init(args=ros_arguments(), signal_handler_options=SignalHandlerOptions.NO)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: host.lifetime.interrupt())
     try:
         with ExitStack() as stack:
+            if options.alone:
+                _check_free(names)
             builder = _Builder(scenario, options, wiring, host, stack)
             ports = [builder.build(name) for name in names]
             executor = make_executor(options.executor, ports[0].node)
@@ -71,10 +76,33 @@ def run_nodes(names: Sequence[str], scenario: Scenario, options: NodeOptions) ->
                 executor.add_node(other.node)
             ports[0].node.create_timer(_SIGNAL_CHECK_SEC, lambda: None)  # Python sees signals between callbacks only
             host.bus.attach(executor)
+            if options.alone:
+                _companions = Companions(ports, wiring, host.lifetime, _patience(scenario, options))
             spin_until(executor, host.lifetime.over)
     finally:
         rclpy.try_shutdown()
     return host.lifetime.failure
+
+
+def _check_free(names: Sequence[str]) -> None:
+    """See that the nodes are not there already.
+
+    Raises:
+        NodeError: they are.
+    """
+    probe = Node(f"probe_{os.getpid()}", enable_rosout=False, start_parameter_services=False)
+    try:
+        taken = taken_names(probe, names)
+    finally:
+        probe.destroy_node()
+    if taken:
+        raise NodeError(f"{', '.join(taken)}: in this ROS domain already, of another run? Set another ROS_DOMAIN_ID")
+
+
+def _patience(scenario: Scenario, options: NodeOptions) -> Patience:
+    period_sec = scenario.sampling_period_sec / options.rate
+    stall_sec = max(options.stall_timeout_sec, _STALL_PERIODS * period_sec)
+    return Patience(start_sec=options.start_timeout_sec, stall_sec=stall_sec)
 
 
 class _Builder:
@@ -135,8 +163,7 @@ class _Builder:
     def _recorder(self) -> Ports:
         writer = open_recording(self._options.out / BAG, self._wiring.topics.all, self._options.recording)
         attach_origin(writer, self._scenario, host_facts())
-        period_sec = self._scenario.sampling_period_sec / self._options.rate
-        stall_sec = max(self._options.stall_timeout_sec, _STALL_PERIODS * period_sec)
+        stall_sec = _patience(self._scenario, self._options).stall_sec
         node = RecorderNode(self._wiring, self._host, writer, self._scenario.steps, stall_sec)
         self._stack.callback(node.close)
         return node.ports

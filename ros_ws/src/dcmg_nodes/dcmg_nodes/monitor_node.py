@@ -62,6 +62,7 @@ class MonitorNode:
             names.append(self._side.own.topic.name)
             self.ports.subscribe(self._side.own.topic, lambda data: self._receive(len(links), data, None))
         self._inbox: Inbox[tuple[bytes, Others | None]] = Inbox(names)
+        self.ports.waits_for(self._inbox.missing)
         expect = {}
         for slot, (link, codec) in enumerate(zip(links, self._received, strict=True)):
             intake = Intake(partial(claimed_step, codec), partial(self._receive, slot))

@@ -44,6 +44,7 @@ class NodeOptions:
         stall_timeout_sec: how long a step may stay incomplete [s].
         recording: how the recorder writes its bag.
         designs: bag with designs that the monitors take where they fit, None: they design everything.
+        alone: whether no supervisor looks after the processes, so that they look after each other.
     """
 
     out: Path
@@ -54,6 +55,7 @@ class NodeOptions:
     stall_timeout_sec: float = 8.0
     recording: Recording = field(default_factory=Recording)
     designs: Path | None = None
+    alone: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

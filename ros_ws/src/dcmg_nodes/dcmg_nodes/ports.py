@@ -20,7 +20,7 @@ from bags.wire.schema import SECOND_PUBLISHER
 from dcmg_nodes.wiring import DONE, END, READY, RECORDER_NODE, Wiring
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from collections.abc import Callable, Sequence
 
     from rclpy.publisher import Publisher
     from rclpy.subscription import Subscription
@@ -62,7 +62,8 @@ class Ports:
         """Create the rclpy node, its data publishers and its run-control topics."""
         self.name = name
         self.lifetime = host.lifetime
-        self._bus = host.bus
+        self._bus, self._alone = host.bus, host.alone
+        self._announced = False
         self.wiring = wiring
         # Parameter services and /rosout would triple the endpoints that every peer has to discover.
         self.node = Node(name, enable_rosout=False, start_parameter_services=False)
@@ -83,6 +84,9 @@ class Ports:
         self._done = self.node.create_publisher(NodeDone, DONE, CONTROL_OUT_QOS)
         if name != RECORDER_NODE:
             self._end = self.node.create_subscription(RunEnd, END, self._on_end, CONTROL_QOS)
+        self._per_step = [one.name for one in wiring.topics.per_step if one.name in self.counts]
+        self._awaited: Callable[[], Sequence[str]] = tuple
+        self._steps: Callable[[], int] | None = None
         self._prepared: Callable[[], bool] = lambda: True
         self._timer = self.node.create_timer(MATCH_POLL_SEC, self._announce_when_matched)
         if not all(self._over_dds.values()):
@@ -102,6 +106,8 @@ class Ports:
 
         With `on_other`, only with those of the publisher that was there at step 0, and `on_other` with all others.
         """
+        if self._alone and topic.kind is TopicKind.PER_STEP:
+            on_bytes = self._once_announced(on_bytes)
         if self._is_local(topic):
             self._bus.add_reader(topic.name, on_bytes)
             if on_other is not None:
@@ -137,6 +143,25 @@ class Ports:
         subscription, publishers = self._subscriptions[topic.name]
         return bool(subscription.get_publisher_count() > publishers)
 
+    def waits_for(self, awaited: Callable[[], Sequence[str]], steps: Callable[[], int] | None = None) -> None:
+        """Take what tells the topics whose next message the node's next step needs, and how many steps it has done.
+
+        Without `steps`, what it has published tells that.
+        """
+        self._awaited, self._steps = awaited, steps
+
+    def awaited(self) -> Sequence[str]:
+        """Topics whose next message the node's next step needs; none once it has done all its steps."""
+        return self._awaited()
+
+    def progress(self) -> int:
+        """A number that grows while the node does something."""
+        return sum(self.counts.values()) if self._steps is None else self._steps()
+
+    def has_begun(self) -> bool:
+        """Whether the node has taken part in a step."""
+        return any(self.counts[name] for name in self._per_step) if self._steps is None else self._steps() > 0
+
     def ready_when(self, prepared: Callable[[], bool]) -> None:
         """Announce readiness only once `prepared()` holds too."""
         self._prepared = prepared
@@ -158,6 +183,7 @@ class Ports:
 
     def finish(self) -> None:
         """Tell the recorder that this node has published its last message."""
+        self._awaited = tuple
         self._done.publish(NodeDone(node=self.name, topics=list(self.counts), counts=list(self.counts.values())))
 
     def _is_local(self, topic: Topic) -> bool:
@@ -178,7 +204,20 @@ class Ports:
     def _announce_when_matched(self) -> None:
         if self._prepared() and not self.unmatched():
             self.node.destroy_timer(self._timer)
-            self._ready.publish(Ready(node=self.name))
+            self._announced = True
+            self._ready.publish(Ready(node=self.name, run=self.wiring.run))
+
+    def _once_announced(self, on_bytes: Callable[[bytes], None]) -> Callable[[bytes], None]:
+        """Take no step of a run that began without this node: another one of its name is part of it."""
+
+        def take(data: bytes) -> None:
+            if self._announced:
+                on_bytes(data)
+            else:
+                reason = "a run has begun without this node in this ROS domain already: set another ROS_DOMAIN_ID"
+                self.lifetime.fail(self.name, reason)
+
+        return take
 
     def _on_end(self, _message: RunEnd) -> None:
         self.lifetime.leave(self.name)

@@ -62,6 +62,7 @@ class RecorderNode:
         self._watch_timer = node.create_timer(_WATCH_SEC, self._watch)
         self.ports.ready_when(self._has_latched)
         self.ports.finish()
+        self.ports.waits_for(self._overdue, lambda: self._assembler.complete)
 
     def close(self) -> None:
         """Write what is held of incomplete steps and close the bag."""
@@ -71,6 +72,10 @@ class RecorderNode:
             self._writer.close()
 
     def _receive(self, topic: Topic, data: bytes) -> None:
+        if topic.kind is TopicKind.LATCHED and self._assembler.complete:
+            again = f"{topic.name}: said again during the run, by another node: left out"
+            self.ports.log.warning(again)
+            return
         self._take(self._assembler.push(topic, data))
 
     def _receive_second(self, topic: Topic, data: bytes) -> None:
@@ -95,6 +100,10 @@ class RecorderNode:
     def _credit(self, waiting_for: str = "", topic: str = "") -> None:
         self._credited = self._assembler.complete
         self._progress.publish(Progress(steps=self._credited, waiting_for=waiting_for, topic=topic))
+
+    def _overdue(self) -> tuple[str, ...]:
+        topic = self._assembler.overdue()
+        return () if topic is None else (topic.name,)
 
     def _has_latched(self) -> bool:
         return all(self._assembler.counts[name] for name in self._latched)

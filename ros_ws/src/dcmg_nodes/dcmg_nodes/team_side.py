@@ -71,7 +71,7 @@ class TeamSide:
 
     def _receive_history(self, data: bytes) -> None:
         self._experiments.append(self._history.decode(data))
-        if len(self._experiments) < self._experiments[0].experiments:
+        if len(self._experiments) != self._experiments[0].experiments:
             return
         told = (self._plan, history_of(self._experiments))
         designed = run_team(self._topics, self._told.settings, told, self._told.carried)

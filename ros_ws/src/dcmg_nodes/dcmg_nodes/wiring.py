@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from hashlib import sha256
 from typing import TYPE_CHECKING
 
 from bags.watch.team import plan_of
@@ -34,12 +35,14 @@ class Wiring:
         physical: for each DGU the DGUs whose state message it needs.
         plan: the team of monitors, if there is one.
         responds: whether each DGU waits for what its monitor concludes.
+        run: which run it is: in words, and a digest of the whole scenario. Nodes of another one do not fit.
     """
 
     topics: RunTopics
     physical: Mapping[int, Sequence[int]]
     plan: TeamPlan | None = None
     responds: bool = False
+    run: str = ""
 
     @property
     def nodes(self) -> tuple[str, ...]:
@@ -90,9 +93,11 @@ def wiring_of(scenario: Scenario) -> Wiring:
     """Return the static graph of a scenario's run."""
     dgus = tuple(dgu.id for dgu in scenario.dgus)
     topics = topics_of(scenario)
+    digest = sha256(scenario.to_yaml().encode()).hexdigest()
     return Wiring(
         topics=topics,
         physical={dgu: unit_of(scenario, dgu).physical for dgu in dgus},
         plan=None if topics.team is None else plan_of(scenario, topics.team),
         responds=settings_of(scenario).response is not None,
+        run=f"{scenario.name}, seed {scenario.seed}, {scenario.steps} steps, digest {digest[:12]}",
     )
