@@ -13,6 +13,14 @@ SIDE_BY_SIDE := --numprocesses auto --maxprocesses 4 --dist loadfile
 ON_WHEELS = AMENT_PREFIX_PATH=$(abspath $(VENV)) CMAKE_PREFIX_PATH=$(abspath $(VENV))
 PYTHON_ARG = -DPython3_EXECUTABLE=$(abspath $(PY))
 
+# What pip does not do for a package that is installed in place: ROS finds it, its launch files and its command.
+define IN_INDEX
+mkdir -p $(VENV)/share/ament_index/resource_index/packages $(VENV)/share/$(one) $(VENV)/lib/$(one) && \
+  cp ros_ws/src/$(one)/resource/$(one) $(VENV)/share/ament_index/resource_index/packages && \
+  cp -r ros_ws/src/$(one)/package.xml $(wildcard ros_ws/src/$(one)/launch) $(VENV)/share/$(one) && \
+  ln -sf ../../bin/dcmg $(VENV)/lib/$(one)/dcmg;
+endef
+
 # Neither a sourced ROS installation nor another ROS environment may shine through.
 ifneq ($(AMENT_PREFIX_PATH)$(_ROS_WHEELS_BOOTSTRAP_COMPLETE),)
 unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH PYTHONPATH
@@ -90,6 +98,7 @@ $(VENV)/packages: $(VENV)/complete $(PROJECTS)
 	@$(PY) -m pip install -qq -c constraints.txt setuptools
 	@$(PY) -m pip install -qq -c constraints.txt --no-build-isolation --use-pep517 \
 	  -e '.[dev,messages,ros]' -e ros_ws/src/dcmg_nodes -e ros_ws/src/dcmg_bringup
+	@$(foreach one,dcmg_nodes dcmg_bringup,$(IN_INDEX))
 	@touch $@
 
 $(VENV)/messages: $(INTERFACES) $(VENV)/complete constraints.txt | $(VENV)/packages

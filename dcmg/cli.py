@@ -13,6 +13,7 @@ if "_DCMG_COMPLETE" in os.environ:
 
 import typer
 
+from bags.ros_words import split_words
 from dcmg.command_table import COMMANDS
 from dcmg.lazy import LazyGroup, commands_of
 from dcmg.refusals import run_to_one_line
@@ -68,7 +69,8 @@ def main() -> None:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")  # a terminal that has no arrow shows a question mark, not a traceback
-    sys.exit(run_to_one_line(lambda: app(prog_name="dcmg", standalone_mode=False)))
+    ours, _ = split_words(sys.argv[1:])  # the rest is for rclpy, which takes it from sys.argv
+    sys.exit(run_to_one_line(lambda: app(ours, prog_name="dcmg", standalone_mode=False)))
 
 
 if __name__ == "__main__":

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING
 import typer
 from typer.exceptions import TyperException
 
+from bags.ros_words import RosWordsError
 from dcmg.errors import CommandError
 from dgu_sim.suggestions import meant
 
@@ -63,6 +64,8 @@ def _line(error: Exception) -> str | None:
         return _of_system(error)
     if isinstance(error, MemoryError):
         return f"not enough memory ({error})" if str(error) else "not enough memory"
+    if isinstance(error, RosWordsError):
+        return str(error)
     from bags.mcap.errors import BagError  # noqa: PLC0415 (only a command that refuses needs the classes)
     from dgu_sim.errors import DguSimError  # noqa: PLC0415 (idem)
     from monitor.errors import MonitorError  # noqa: PLC0415 (idem)

@@ -44,4 +44,5 @@ class Qos:
 
 
 STREAM_QOS = Qos(depth=1000, durability=Durability.VOLATILE)
+EVENT_QOS = Qos(depth=1000, durability=Durability.TRANSIENT_LOCAL)
 LATCHED_QOS = Qos(depth=64, durability=Durability.TRANSIENT_LOCAL)

@@ -5,7 +5,7 @@ from enum import Enum
 from typing import final
 
 from bags.mcap.cdr import Layout
-from bags.mcap.qos import LATCHED_QOS, STREAM_QOS, Qos
+from bags.mcap.qos import EVENT_QOS, LATCHED_QOS, STREAM_QOS, Qos
 from bags.mcap.typestore import Definitions
 
 NANOSECONDS_PER_SECOND = 1_000_000_000
@@ -15,7 +15,7 @@ class TopicKind(Enum):
     """How often a topic speaks."""
 
     PER_STEP = "per step"  # exactly one message at every step
-    EVENT = "event"  # when something happens, behind the per-step messages of its step
+    EVENT = "event"  # when something happens, behind the per-step messages of its step; kept for late subscribers
     LATCHED = "latched"  # before step 0, kept for late subscribers
 
 
@@ -43,4 +43,4 @@ class Topic:
     @property
     def qos(self) -> Qos:
         """Quality of service of its publishers and, in our own nodes, of its subscribers."""
-        return LATCHED_QOS if self.kind is TopicKind.LATCHED else STREAM_QOS
+        return {TopicKind.LATCHED: LATCHED_QOS, TopicKind.EVENT: EVENT_QOS}.get(self.kind, STREAM_QOS)

@@ -52,11 +52,11 @@ def test_every_topic_has_its_publishers(chain: RunTopics) -> None:
 
 
 def test_quality_of_service(chain: RunTopics) -> None:
-    """Latched topics are kept for late subscribers; the others can hold a thousand messages in flight."""
+    """Latched topics and events are kept for late subscribers; all others hold a thousand messages in flight."""
     for topic in chain.all:
-        latched = topic.kind is TopicKind.LATCHED
-        assert topic.qos.durability is (Durability.TRANSIENT_LOCAL if latched else Durability.VOLATILE)
-        assert topic.qos.depth == (64 if latched else 1000)
+        kept = topic.kind is not TopicKind.PER_STEP
+        assert topic.qos.durability is (Durability.TRANSIENT_LOCAL if kept else Durability.VOLATILE)
+        assert topic.qos.depth == (64 if topic.kind is TopicKind.LATCHED else 1000)
 
 
 def test_isolated_dgu_has_no_monitor() -> None:

@@ -6,8 +6,10 @@ nodes into launch files of their own.
 
 from pathlib import Path
 
-from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, OpaqueFunction
+from launch import LaunchContext, LaunchDescription
+from launch.actions import DeclareLaunchArgument, EmitEvent, OpaqueFunction
+from launch.events import Shutdown
+from launch.events.process import ProcessExited
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
 
@@ -30,9 +32,23 @@ def nodes(context: object) -> list[Node]:
     options = ["--scenario", given["scenario"], "--out", str(Path(given["out"]).resolve())]
     options += ["--pacing", given["pacing"], "--rate", given["rate"]]
     return [
-        Node(package="dcmg_bringup", executable="dcmg", arguments=["node", name, *options], output="screen")
+        Node(
+            package="dcmg_bringup",
+            executable="dcmg",
+            arguments=["node", name, *options],
+            output="screen",
+            on_exit=end_with,
+        )
         for name in wiring_of(scenario).nodes
     ]
+
+
+def end_with(event: ProcessExited, _context: LaunchContext) -> list[EmitEvent]:
+    """End all nodes with one that fails; those that have done their steps end by themselves."""
+    if event.returncode == 0:
+        return []
+    reason = f"{event.process_name} ended with exit code {event.returncode}"
+    return [EmitEvent(event=Shutdown(reason=reason))]
 
 
 def generate_launch_description() -> LaunchDescription:
