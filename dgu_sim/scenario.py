@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Self, final
+from typing import Self
 
 import yaml
 from pydantic import ValidationError, model_validator
@@ -16,7 +16,6 @@ from dgu_sim.sections import Sections
 __all__ = ["Scenario", "load_scenario", "parse_scenario"]
 
 
-@final
 class Scenario(Sections):
     """Everything that defines a run: sections that fit together."""
 

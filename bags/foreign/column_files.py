@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,6 @@ _MATRIX = 2  # dimensions
 _MOST_COLUMNS = 1000  # of a matrix
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ArrayTable:
     """Columns that a library gives as arrays.

@@ -6,7 +6,7 @@ from enum import Enum
 from importlib import import_module
 from pathlib import Path
 from types import ModuleType
-from typing import Any, Final, Protocol, final
+from typing import Any, Final, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,7 +29,6 @@ class ColumnKind(Enum):
     TEXT = "text"
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ColumnInfo:
     """One column of a table.

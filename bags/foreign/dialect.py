@@ -5,7 +5,7 @@ import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from typing import Final, final
+from typing import Final
 
 from bags.foreign.cells import is_missing, is_number, is_time
 from bags.mcap.errors import BagError
@@ -16,7 +16,6 @@ _HEAD_LINES = 50
 _COMMENT = ("#", "%")
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Dialect:
     """How a table is written.

@@ -3,7 +3,6 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from math import nan
-from typing import final
 
 import numpy as np
 
@@ -17,7 +16,6 @@ from dgu_sim.relay import AttackPlan, Relay, RelayEvent
 _COMPONENTS = ("V", "I_t", "v")
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RecordedKnowledge:
     """What an attacker on the links of a recording can find out: the histories, and nothing of the grid.
@@ -70,7 +68,6 @@ class RecordedKnowledge:
         raise _unknown(f"the rated current of DGU {dgu}")
 
 
-@final
 class Falsifier:
     """Relays the samples of an import, step by step."""
 

@@ -3,7 +3,7 @@
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, TypeAlias, cast, final
+from typing import Any, TypeAlias, cast
 
 from rosbags.interfaces import Nodetype
 
@@ -20,7 +20,6 @@ _NUMBERS = frozenset(
 )
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FieldPath:
     """One number in the messages of a topic.

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from heapq import merge
 from pathlib import Path
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,6 @@ _AT_ONCE = 4096  # messages of a track in memory
 Progress = Callable[[int, int], None]
 
 
-@final
 @dataclass(frozen=True, slots=True)
 class Kept:
     """Which messages of a recording count, and in which order.
@@ -63,7 +62,6 @@ class Kept:
             yield np.arange(start, stop) if self.numbers is None else self.numbers[start:stop]
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Samples:
     """Samples of consecutive instants.
@@ -101,7 +99,6 @@ class Samples:
         return np.asarray(self.present[:, tracks].all(axis=1) & finite, dtype=np.bool_)
 
 
-@final
 @dataclass(slots=True, kw_only=True)
 class Grid:
     """Recordings on their way onto a grid: `blocks` is gone through once, and what it found is told afterwards.

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from itertools import chain
 from pathlib import Path
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -45,7 +45,6 @@ def _silent(_what: str, _done: int, _all: int) -> None:
     """Show nothing."""
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportReport:
     """What became of a foreign recording.
@@ -125,7 +124,6 @@ def import_histories(
     return report
 
 
-@final
 @dataclass(slots=True, kw_only=True)
 class _Histories:
     """Makes the histories of one DGU after the other.
@@ -292,7 +290,6 @@ def _attack_notes(source: Path, mapping: Mapping, steps: "_Steps") -> list[str]:
     ]
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Job:
     """Reads a source."""
@@ -354,7 +351,6 @@ def _table(numbers: "array[float]", rows: int, columns: int) -> NDArray[np.float
     return np.frombuffer(numbers, dtype=np.float64).reshape(rows, columns) if numbers else np.empty((rows, columns))
 
 
-@final
 class _Steps:
     """Writes rows as the steps of a run."""
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, final
+from typing import NamedTuple
 
 from bags.foreign.mapping import Mapping
 from bags.foreign.sampling import Row, Sampler, SamplerState, Values
@@ -21,7 +21,6 @@ class Early(NamedTuple):
     values: Values
 
 
-@final
 class LiveState(NamedTuple):
     """State of live sampling.
 
@@ -42,7 +41,6 @@ class LiveState(NamedTuple):
     restarts: int = 0
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LiveSampling:
     """A sampler that follows the wall clock.

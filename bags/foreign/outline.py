@@ -3,7 +3,7 @@
 from array import array
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 
@@ -21,7 +21,6 @@ from bags.sources.source import Channel, RawMessage
 _MICROSECOND_NS = 1000
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Described:
     """One topic, or a table.
@@ -66,7 +65,6 @@ class Described:
         }
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Outline:
     """What a source holds.
@@ -138,7 +136,6 @@ def _logged(name: str, data: dict[str, Any]) -> Described:
     )
 
 
-@final
 @dataclass(slots=True, kw_only=True)
 class _Look:
     """One topic while the recording is gone through.

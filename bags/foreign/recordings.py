@@ -4,7 +4,7 @@ from array import array
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 
@@ -31,7 +31,6 @@ def _silent(_done: int, _all: int) -> None:
     """Show nothing."""
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Read:
     """What was read of a source.
@@ -110,7 +109,6 @@ def stamp_of(message: Any) -> int:  # noqa: ANN401 - whatever has a header
     return int(message.header.stamp.sec * _SECOND_NS + message.header.stamp.nanosec)
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _BagJob:
     """Which fields of which channels are read.

@@ -1,7 +1,7 @@
 """How regularly something was sampled: period, jitter, gaps, repeated and disordered stamps."""
 
 from dataclasses import dataclass
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,7 +15,6 @@ _SHOWN_GAPS = 5
 _AT_ONCE = 4096  # messages in memory
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Gap:
     """A stretch without messages.
@@ -29,7 +28,6 @@ class Gap:
     length_sec: float
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Regularity:
     """What the stamps of one track say.

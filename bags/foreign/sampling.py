@@ -8,7 +8,7 @@ they are told.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import Enum
-from typing import NamedTuple, TypeAlias, final
+from typing import NamedTuple, TypeAlias
 
 Values: TypeAlias = tuple[float, ...]
 
@@ -27,7 +27,6 @@ class Policy(Enum):
 _MATCHING = frozenset({Policy.REFUSE, Policy.NEAREST})  # each message belongs to one instant
 
 
-@final
 class Message(NamedTuple):
     """One message of a track: its instant [ns] and its values."""
 
@@ -35,7 +34,6 @@ class Message(NamedTuple):
     values: Values
 
 
-@final
 class Irregular(NamedTuple):
     """A message that is at no instant of the grid: its track, its instant and how far it is off [ns]."""
 
@@ -44,7 +42,6 @@ class Irregular(NamedTuple):
     off_ns: int
 
 
-@final
 class Row(NamedTuple):
     """One sample.
 
@@ -57,7 +54,6 @@ class Row(NamedTuple):
     values: tuple[Values | None, ...]
 
 
-@final
 class Track(NamedTuple):
     """What is known of one track.
 
@@ -70,7 +66,6 @@ class Track(NamedTuple):
     heard_ns: int
 
 
-@final
 class SamplerState(NamedTuple):
     """State of a sampler.
 
@@ -104,7 +99,6 @@ class _Choice(NamedTuple):
     off: int = 0
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Sampler:
     """Puts tracks on the grid t_0, t_0 + T_s, ...

@@ -3,7 +3,7 @@
 from array import array
 from collections.abc import Sequence
 from tempfile import TemporaryFile
-from typing import IO, Protocol, final
+from typing import IO, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,6 @@ class Rows(Protocol):
         """Some rows."""
 
 
-@final
 class SpilledRows:
     """Rows that are appended one by one and read in any order, near ones together; on disk once they are many."""
 

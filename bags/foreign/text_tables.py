@@ -6,7 +6,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final, final
+from typing import Any, Final
 
 import numpy as np
 import pyarrow as pa
@@ -33,7 +33,6 @@ _EXPANSION = 50
 _ALWAYS = 200_000_000
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TextTable:
     """A table as text, read in blocks.
@@ -186,7 +185,6 @@ def _bounded(file: Path, *, blanks: bool = False) -> Any:  # noqa: ANN401 - pyar
     return pa.PythonFile(_Tabbed(file) if blanks else _Bounded(file), mode="r")
 
 
-@final
 class _Bounded(io.RawIOBase):
     """A file decompressed on the way."""
 
@@ -219,7 +217,6 @@ class _Bounded(io.RawIOBase):
         return len(found)
 
 
-@final
 class _Tabbed(io.RawIOBase):
     """A file with one tab wherever it has blanks between cells, and none around a line."""
 

@@ -1,7 +1,6 @@
 """The wanted numbers of one topic, or of a table, as they stand there."""
 
 from dataclasses import dataclass, field
-from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,7 +8,6 @@ from numpy.typing import NDArray
 from bags.foreign.spill import Rows
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recording:
     """Numbers with their instants: raw, unordered, ungridded.

@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from math import isfinite, nan
 from pathlib import Path
-from typing import NamedTuple, final
+from typing import NamedTuple
 
 from bags.foreign.fields import FieldPath
 from bags.foreign.mapping import Mapping, Signal, StreamMapping, stream_widths
@@ -45,7 +45,6 @@ class Place(NamedTuple):
         return values[self.position] * self.factor + self.offset
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreamReader:
     """Takes the sample of one link out of a row.
@@ -79,7 +78,6 @@ class StreamReader:
         return Sample(y=padded(y, self.widths.outputs), delivered=arrived, u=padded(u, self.widths.inputs))
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreamMonitors:
     """Observers and detectors of all links of a mapping, in the order of `topics.links`.

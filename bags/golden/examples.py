@@ -3,7 +3,7 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,6 @@ _DGU = 1  # the plant goes by this number on its topic
 _PERIOD_NS = 1_000_000_000  # the papers' time has no unit
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Example:
     """A plant, its record and the method that learns from it.

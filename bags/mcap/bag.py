@@ -11,7 +11,7 @@ import struct
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -34,7 +34,6 @@ _CONSTANT = {
 """Types whose sequences are as long in every message of a topic."""
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TopicInfo:
     """One topic of a bag.
@@ -50,7 +49,6 @@ class TopicInfo:
     count: int
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TopicBlock:
     """Consecutive messages of one topic.
@@ -67,7 +65,6 @@ class TopicBlock:
     data: NDArray[np.void]
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Bag:
     """A bag opened for reading; holds no file open and no message in memory.

@@ -1,14 +1,11 @@
 """Several chunks side by side, so that numpy takes the messages of a topic out of all of them at once."""
 
-from typing import final
-
 import numpy as np
 from numpy.typing import NDArray
 
 from bags.mcap.container import ChunkView
 
 
-@final
 class Batch:
     """The contents of consecutive chunks."""
 
@@ -30,7 +27,6 @@ class Batch:
         return np.concatenate([one.data for one in self._chunks]) if self._chunks else np.empty(0, dtype=np.uint8)
 
 
-@final
 class Places:
     """Where the messages of one channel stand in a batch."""
 

@@ -6,7 +6,6 @@ column of a thousand steps as fast as Python packs a few messages.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import final
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -29,7 +28,6 @@ _HEAD = np.dtype(
 )
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BlockFormat:
     """Rows of message records, one message for each of some topics in order.

@@ -7,13 +7,11 @@ because a thread that competes for the interpreter with a busy run waits millise
 import threading
 from collections import deque
 from collections.abc import Callable
-from typing import final
 
 from bags.mcap.errors import BagError
 from bags.mcap.packing import PackedChunk
 
 
-@final
 class ChunkBuffer:
     """A bounded queue of chunks and the thread that empties it."""
 

@@ -10,7 +10,7 @@ import struct
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import cache, partial
-from typing import Any, NamedTuple, cast, final
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +40,6 @@ _PRIMITIVES = {
 }
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Layout:
     """Where every field of one fixed-length message lies.

@@ -4,7 +4,7 @@ from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -26,7 +26,6 @@ _MOST_JUNK = 16_000_000  # bytes in front of a file
 _MOST_FAULTS = 20  # of one file: a report is for people
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Damage:
     """One thing in a bag that is not as it must be.
@@ -46,7 +45,6 @@ class Damage:
         return f"{self.file}{'' if self.offset is None else f' at byte {self.offset}'}: {self.what}"
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileCheck:
     """What of one file is intact.
@@ -70,7 +68,6 @@ class FileCheck:
     attachments: tuple[str, ...]
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CheckReport:
     """What of a bag is intact, and what is not.
@@ -204,7 +201,6 @@ def start_of(file: Path) -> int:
         return source.find(MAGIC + bytes([Opcode.HEADER]), _MOST_JUNK) or 0
 
 
-@final
 @dataclass(slots=True)
 class _File:
     """One file while it is gone through."""

@@ -2,7 +2,6 @@
 
 import struct
 from array import array
-from typing import final
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -17,7 +16,6 @@ RECORD_HEAD_BYTES = 9  # opcode and length
 ENTRY_BYTES = 16  # log time and offset
 
 
-@final
 class OpenChunk:
     """Messages that wait for their chunk to be closed."""
 

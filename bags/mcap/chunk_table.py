@@ -7,7 +7,6 @@ in the file and read when it is asked for.
 import struct
 from collections.abc import Collection, Iterator
 from dataclasses import dataclass
-from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +19,6 @@ _SIZES = struct.Struct("<QQ")
 _ENTRY = np.dtype([("channel_id", "<u2"), ("offset", "<i8")])
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChunkEntry:
     """What the summary says about one chunk.
@@ -52,7 +50,6 @@ class ChunkEntry:
         return np.frombuffer(source.read(self.map_start, self.map_size), dtype=_ENTRY)
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChunkTable:
     """The chunks of a file in the order of the file.

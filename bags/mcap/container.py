@@ -6,7 +6,7 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 from mcap.exceptions import McapError
@@ -31,7 +31,6 @@ _SIZE = struct.Struct("<Q")
 _INDEX_DTYPE = np.dtype([("opcode", "u1"), ("length", "<u8"), ("channel_id", "<u2"), ("size", "<u4")])
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ChunkView:
     """The messages of one chunk.
@@ -65,7 +64,6 @@ class ChunkView:
             yield self.data[offset + MESSAGE_HEAD.size : end].tobytes()
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Container:
     """A rosbag2 directory whose file ends and indexes are sound.

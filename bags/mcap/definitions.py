@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, lru_cache
 from pathlib import Path
-from typing import Any, TypeAlias, final
+from typing import Any, TypeAlias
 
 from rosbags.interfaces import Nodetype
 from rosbags.typesys import Stores, get_types_from_idl, get_types_from_msg, get_typestore
@@ -22,7 +22,6 @@ ROS1 = "ros1"
 CDR = "cdr"
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Definition:
     """What a channel says about its messages.
@@ -42,7 +41,6 @@ class Definition:
     type_hash: str = ""
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Decoder:
     """Reads the messages of one definition.

@@ -5,7 +5,7 @@ import zlib
 from collections.abc import Iterator
 from pathlib import Path
 from types import TracebackType
-from typing import final
+from typing import Self
 
 _PIECE = 1024 * 1024
 _CHUNK_HEAD = 49  # opcode, length and fixed fields of a chunk without its compression name
@@ -13,7 +13,6 @@ _CHUNK_HEAD = 49  # opcode, length and fixed fields of a chunk without its compr
 _CHUNK = re.compile(rb"(?=\x06.{4}\0{4}.{28}(?:\x04\0{3}zstd|\x03\0{3}lz4|\0{4}.{4}\0{4}))", re.DOTALL)
 
 
-@final
 class FileBytes:
     """A file opened for reading; a context manager."""
 
@@ -61,7 +60,7 @@ class FileBytes:
                 if found.start() < _PIECE:
                     yield at + found.start()
 
-    def __enter__(self) -> "FileBytes":
+    def __enter__(self) -> Self:
         """Return self."""
         return self
 

@@ -3,7 +3,6 @@
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
-from typing import final
 
 from mcap.well_known import MessageEncoding, Profile, SchemaEncoding
 
@@ -16,7 +15,6 @@ from bags.mcap.topic import Topic
 from bags.mcap.typestore import schema_text, type_hash
 
 
-@final
 class FileSeries:
     """Takes closed chunks and spreads them over files; whatever the disk does, what is left is a valid bag."""
 

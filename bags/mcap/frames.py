@@ -5,7 +5,7 @@ import zlib
 from contextlib import suppress
 from dataclasses import dataclass
 from io import BytesIO
-from typing import Any, final
+from typing import Any
 
 from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
@@ -41,7 +41,6 @@ _READERS: dict[int, Any] = {
 }
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Frame:
     """A record whose content fits its length exactly.

@@ -11,7 +11,6 @@ import zlib
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import final
 
 from mcap.opcode import Opcode
 from mcap.records import (
@@ -37,7 +36,6 @@ OURS = "dcmg; "  # who wrote a file: what we wrote can be checked more strictly
 _RECORDS_AT_ONCE = 1000  # of the summary
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Mark:
     """What the file was before one of its chunks, so that the chunk can be taken back; an hour has 30,000 of them."""
@@ -48,7 +46,6 @@ class _Mark:
     time_range_ns: tuple[int, int]
 
 
-@final
 class McapFile:
     """Writes the records of one MCAP file in order; `finish` makes it complete."""
 

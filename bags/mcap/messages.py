@@ -3,7 +3,6 @@
 import struct
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import final
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -23,7 +22,6 @@ _RECORD_HEAD = struct.Struct("<BQ")
 _FRAME = _RECORD_HEAD.size
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MessageTable:
     """The messages of a chunk in the order of the file.

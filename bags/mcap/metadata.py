@@ -5,7 +5,6 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from textwrap import indent
-from typing import final
 
 from bags.mcap.qos import Qos
 from bags.mcap.topic import Topic
@@ -18,7 +17,6 @@ METADATA_VERSION = 9
 ROS_DISTRO = "jazzy"
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TopicEntry:
     """What metadata.yaml says about one topic.
@@ -49,7 +47,6 @@ class TopicEntry:
         )
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FileEntry:
     """What metadata.yaml says about one file of the bag.
@@ -75,7 +72,6 @@ class FileEntry:
         }
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class BagInfo:
     """What metadata.yaml says about a bag.

@@ -4,7 +4,7 @@ import zlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from enum import Enum
-from typing import Protocol, cast, final
+from typing import Protocol, cast
 
 import lz4.frame  # type: ignore[import-untyped] # lz4 ships no types
 import zstandard
@@ -31,7 +31,6 @@ class Record(Protocol):
         """Write itself."""
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PackedChunk:
     """A closed chunk.

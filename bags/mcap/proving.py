@@ -8,7 +8,7 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
 from functools import lru_cache
-from typing import Any, final
+from typing import Any
 
 from mcap.records import Channel, Schema
 from rosbags.rosbag2.metadata import parse_qos
@@ -24,7 +24,6 @@ _HASH = "topic_type_hash"
 _HASH_HEAD = "RIHS01_"
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Doubts:
     """What must not be believed, and why.
@@ -46,7 +45,6 @@ class Doubts:
         return Doubts(channels={**other.channels, **self.channels}, schemas={**other.schemas, **self.schemas})
 
 
-@final
 @dataclass(slots=True, kw_only=True)
 class Proofs:
     """Reads messages by what is said about them.

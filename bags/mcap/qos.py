@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import final
 
 # what rmw reports for "no deadline, no lifespan, no lease": rmw_time_t of INT64_MAX nanoseconds
 _INFINITE = {"sec": 9223372036, "nsec": 854775807}
@@ -15,7 +14,6 @@ class Durability(Enum):
     TRANSIENT_LOCAL = "transient_local"
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Qos:
     """Reliable, keep_last.

@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Final, final
+from typing import Final
 
 from bags.mcap.errors import BagError
 from bags.mcap.packing import Compression
@@ -17,7 +17,6 @@ class ChunkPreset(Enum):
     COMPACT = "compact"
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Chunks:
     """When a chunk is closed and goes to the disk.
@@ -46,7 +45,6 @@ class WhenFull(Enum):
     DROP = "drop"  # whole steps are left out, counted and reported: the run is never held up
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Buffer:
     """What may wait for the disk in memory.
@@ -65,7 +63,6 @@ class Buffer:
             raise BagError(f"max_bytes of the buffer is {self.max_bytes}, expected a positive number")
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Split:
     """When a bag goes on in another file; looked at whenever a chunk is closed, so a file may exceed it by a chunk.
@@ -98,7 +95,6 @@ class Split:
         return self.max_duration_sec is not None and (next_ns - start_ns) * 1e-9 >= self.max_duration_sec
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TopicFilter:
     """Which topics are recorded: those that match one of `include` and none of `exclude`.
@@ -125,7 +121,6 @@ class TopicFilter:
         return wanted and not any(re.fullmatch(pattern, topic) for pattern in self.exclude)
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recording:
     """Everything that can be chosen about a recording.

@@ -13,7 +13,7 @@ from dataclasses import dataclass, field, replace
 from hashlib import sha256
 from itertools import islice
 from pathlib import Path
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -42,7 +42,6 @@ _LOOKED_AT = 1000
 """Records among which the first sound chunk is looked for."""
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RepairReport:
     """What was recovered.
@@ -219,7 +218,6 @@ def _profiles(text: str) -> list[object]:
     return document if isinstance(document, list) else []
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Given:
     """Definitions that an earlier copy found behind the messages that need them: the first ones are lost."""
@@ -228,7 +226,6 @@ class _Given:
     channels: Mapping[int, Channel] = field(default_factory=dict)
 
 
-@final
 @dataclass(slots=True)
 class _File:
     """One file while it is copied."""

@@ -10,7 +10,6 @@ from bisect import bisect_right
 from collections.abc import Iterator, Mapping
 from contextlib import suppress
 from dataclasses import dataclass
-from typing import final
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -32,7 +31,6 @@ _NAMES = {0: "", 3: "lz4", 4: "zstd"}  # by length, which survives a wrong lette
 _OPCODES = frozenset(map(int, Opcode))
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SoundChunk:
     """A chunk whose content agrees with its check sum.
@@ -54,7 +52,6 @@ class SoundChunk:
     checked: bool = True
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Messages:
     """The messages of a sound chunk.
@@ -72,7 +69,6 @@ class Messages:
     end: int
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Fault:
     """Bytes that are not what they must be.

@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, final
+from typing import Any
 
 from mcap.opcode import Opcode
 from mcap.records import Channel, Footer, Schema, Statistics
@@ -15,7 +15,6 @@ NO_SUMMARY = "the file has no summary"
 _FOOTER_LENGTH = FRAME + 20
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SummarySection:
     """The summary of a file, its check sum verified.

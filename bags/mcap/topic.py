@@ -2,7 +2,6 @@
 
 from dataclasses import dataclass
 from enum import Enum
-from typing import final
 
 from bags.mcap.cdr import Layout
 from bags.mcap.qos import EVENT_QOS, LATCHED_QOS, STREAM_QOS, Qos
@@ -19,7 +18,6 @@ class TopicKind(Enum):
     LATCHED = "latched"  # before step 0, kept for late subscribers
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Topic:
     """Name, type and origin of one recorded topic.

@@ -4,7 +4,7 @@ import time
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import final
+from typing import Self
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -22,7 +22,6 @@ from bags.mcap.topic import Topic, TopicKind
 _SAFE = CHUNK_PRESETS[ChunkPreset.SAFE]
 
 
-@final
 class BagWriter:
     """Writes messages in the order in which they come; a context manager.
 
@@ -240,7 +239,7 @@ class BagWriter:
             rows[name] = block[name]
         return kept, rows
 
-    def __enter__(self) -> "BagWriter":
+    def __enter__(self) -> Self:
         """Return self."""
         return self
 

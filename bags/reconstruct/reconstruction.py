@@ -5,7 +5,7 @@ What the bag knows about the truth (loads, voltages, outputs as sent) is put bes
 
 from dataclasses import dataclass
 from math import isfinite
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,6 @@ INPUTS = ("I_net + I_L", "V_ref + alpha")
 INPUT_UNITS = ("A", "V")
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Reconstruction:
     """One link's inputs and attack; rows are instants, NaN where nothing is known.

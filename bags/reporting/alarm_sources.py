@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias, final
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,6 @@ Judge: TypeAlias = Callable[[RunRecord], NDArray[np.bool_] | None]
 """Alarms of a window, shape (steps, links); None when the run has no such source. Windows come in their order."""
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AlarmSource:
     """One way to accuse links.

@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -35,7 +34,6 @@ IMPACTS: Mapping[str, str] = {
 }
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkAssessment:
     """One directed link.
@@ -59,7 +57,6 @@ class LinkAssessment:
     attacked_errors: EstimateErrors | None
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AttackAssessment:
     """One attack, on however many links.
@@ -75,7 +72,6 @@ class AttackAssessment:
     unanswered: Mapping[str, Impact]
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Overall:
     """All links together, by one source of alarms.
@@ -95,7 +91,6 @@ class Overall:
     isolation: Confusion
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Assessment:
     """A run, measured.

@@ -2,7 +2,7 @@
 
 import math
 from dataclasses import dataclass
-from typing import Any, final
+from typing import Any
 
 from bags.mcap.yaml_text import load
 from bags.runs.run_record import RunRecord
@@ -13,7 +13,6 @@ from dgu_sim.signals import first_step
 from monitor.measures import spans
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Attack:
     """One attack, on one or several links.

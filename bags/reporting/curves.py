@@ -1,7 +1,6 @@
 """What a report draws over time, thinned while the windows of a run go by."""
 
 from dataclasses import dataclass
-from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,7 +13,6 @@ _MOST_NUMBERS = 400_000  # of all curves together: about 3 MB of the page
 _MOST_POINTS, _FEWEST_POINTS = 1000, 100  # stretches of a curve
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Curves:
     """What is drawn over time.

@@ -1,7 +1,6 @@
 """Sums and extremes over stretches of a run that arrives in windows."""
 
 from dataclasses import dataclass
-from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -30,7 +29,6 @@ def stretches_of(steps: int, length: int) -> int:
     return -(-steps // length)
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Envelope:
     """Smallest and largest value of some curves in each stretch: thinned so that no spike is lost.

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,7 +19,6 @@ from monitor.detectors import Phase
 from monitor.measures import Episode, detect, onsets, quiet_steps, under_attack
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Masks:
     """Which samples count as what, shape (steps, links), and how late each monitor tells by design.
@@ -55,7 +54,6 @@ class Masks:
         return cls(attacked=attacked, quiet=quiet, aftermath=~(attacked | free), armed=armed, lags=lags)
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AttackRow:
     """What became of one attack.
@@ -113,7 +111,6 @@ class AttackRow:
         }
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkRow:
     """What the monitor of one directed link said.
@@ -165,7 +162,6 @@ class LinkRow:
         }
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Judged:
     """A run, judged.

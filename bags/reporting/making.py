@@ -3,7 +3,7 @@
 import json
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, final
+from typing import Any
 
 from bags.mcap.yaml_text import dump, load
 from bags.reporting.wording import certificate_lines
@@ -13,7 +13,6 @@ from monitor import detectors
 from monitor.errors import MonitorError
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Designed:
     """An observer and where it watches.
@@ -33,7 +32,6 @@ class Designed:
     certificate: tuple[str, ...]
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Making:
     """How a run was made.

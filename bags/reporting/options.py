@@ -1,12 +1,10 @@
 """What the measures of a report depend on besides the run."""
 
 from dataclasses import dataclass
-from typing import final
 
 MOST_BLOCKS = 500  # more would only cost time: intervals do not get better
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ReportOptions:
     """Choices behind the numbers; the report states them.

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 
@@ -12,7 +12,6 @@ from bags.watch.team_record import present
 from bags.wire.records import AlarmRecord
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MemberSummary:
     """What one member of a team did.
@@ -32,7 +31,6 @@ class MemberSummary:
     first_accused_sec: float | None
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TeamSummary:
     """A team without its single steps.

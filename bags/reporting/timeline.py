@@ -2,7 +2,6 @@
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +22,6 @@ MOST_PANELS = 24
 _ALWAYS = frozenset({MAIN, VERDICT})  # sources that count though they never alarm
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Timeline:
     """A run, gathered.

@@ -2,7 +2,6 @@
 
 import math
 from dataclasses import dataclass
-from typing import final
 
 from bags.reporting.judged import Judged, LinkRow
 from bags.reporting.timeline import Timeline
@@ -13,7 +12,6 @@ _NODE = 20.0  # radius of a DGU
 _BEND = 0.10  # of an arrow, relative to its length
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Node:
     """A DGU."""
@@ -23,7 +21,6 @@ class Node:
     y: float
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Arrow:
     """A directed link.
@@ -40,7 +37,6 @@ class Arrow:
     title: str
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Drawing:
     """Everything that is drawn."""

@@ -4,7 +4,6 @@ import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import final
 
 from bags.mcap.errors import BagError
 from bags.reporting.assessment import Assessment, assess
@@ -18,7 +17,6 @@ from bags.runs.run_record import RunRecord
 HTML_NAME, JSON_NAME = "report.html", "report.json"
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Report:
     """What was measured and where it was written.

@@ -1,7 +1,6 @@
 """What a response avoids: the same scenario simulated with it and without, step for step the same but for it."""
 
 from dataclasses import dataclass, fields
-from typing import final
 
 import numpy as np
 
@@ -22,7 +21,6 @@ _REASONS = tuple(name for name in MASKS if name.startswith("by_"))
 _BLOCK_STEPS = 1000
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class FirstAccusation:
     """When a link was first accused.
@@ -38,7 +36,6 @@ class FirstAccusation:
     reasons: tuple[str, ...]
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Avoided:
     """A scenario with its response and without it.

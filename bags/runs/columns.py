@@ -2,7 +2,7 @@
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -54,7 +54,6 @@ def _wrong_length(layout: Layout, name: str) -> BagError:
     return BagError(f"{name}: a message has another length than the {layout.size} bytes of {layout.type_name}")
 
 
-@final
 @dataclass(slots=True, kw_only=True)
 class Column:
     """One per-step topic: what of it has been read and where its fields go.
@@ -118,7 +117,6 @@ class Column:
         self._ready.clear()
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Columns:
     """All per-step topics of a run while its chunks are gone through.

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import TypeAlias, final
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -22,7 +22,6 @@ Event: TypeAlias = tuple[int, Topic, bytes]
 """Row, topic and bytes."""
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class EventState:
     """What was told before a block.

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,7 +24,6 @@ if TYPE_CHECKING:
 __all__ = ["LinkFit", "Stretch", "check_histories"]
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Stretch:
     """A part of a stream.
@@ -38,7 +37,6 @@ class Stretch:
     misfit: float
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkFit:
     """Whether the stream of one link fits the history of its source.

@@ -3,7 +3,7 @@
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple, final
+from typing import NamedTuple
 
 from bags.mcap.errors import BagError
 from bags.mcap.recording import TopicFilter
@@ -14,7 +14,6 @@ from bags.wire.schema import SECOND_PUBLISHER
 CLOCK_TOPIC = "/clock"
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Selection:
     """What of a bag is played.
@@ -46,7 +45,6 @@ class Moment(NamedTuple):
     messages: list[tuple[str, bytes]]
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Playback:
     """A bag opened for playing; no more than a chunk of it is ever in memory.

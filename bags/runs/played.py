@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, NamedTuple, Protocol, TypeAlias, final
+from typing import Any, NamedTuple, Protocol, TypeAlias
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -22,7 +22,6 @@ CDR = "cdr"
 Layout: TypeAlias = Mapping[str, Sequence[tuple[str, Any]]]
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class PlayedTopic:
     """A topic of a bag.
@@ -102,7 +101,6 @@ def is_ours(container: Container) -> bool:
     return ours and mode in {"", "none"} and container.promised == sum(container.counts.values())
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _ChunkSource:
     """MCAP files, read a chunk at a time."""
@@ -171,7 +169,6 @@ def _in_chunk(channels: Mapping[int, Channel], chunk: ChunkView) -> list[PlayedM
     return found
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _RecordedSource:
     """A recording of any origin, each message as it was published: decompressed, whatever its file did to it."""

@@ -9,7 +9,7 @@ from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,7 +37,6 @@ _STATE_TOPIC = re.compile(r"/dgu_(\d+)/state")
 _RECEIVED_TOPIC = re.compile(r"/dgu_(\d+)/received/dgu_(\d+)")
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Run:
     """A recorded run opened for reading; holds no step in memory.
@@ -279,7 +278,6 @@ def _by_link(designs: Sequence[DesignRecord]) -> dict[Link, DesignRecord]:
     return {Link(one.source, one.monitor): one for one in designs}
 
 
-@final
 @dataclass(frozen=True, slots=True)
 class _Seconds:
     """The messages of second publishers on each link, by the steps that they claim; decoded once.

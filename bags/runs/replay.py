@@ -4,7 +4,6 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain
 from pathlib import Path
-from typing import final
 
 import numpy as np
 
@@ -122,7 +121,6 @@ def concluded(windows: Iterable[RunRecord], overrides: Sequence[str] = ()) -> It
     yield from replay_windows(chain([first], rest), overrides) if overrides or unwatched else chain([first], rest)
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Prepared:
     """What a replay designs before its first step; `watch` takes the windows in order."""

@@ -6,7 +6,6 @@ All other messages are copied. So a replay with the settings of the run gives th
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import final
 
 from bags.mcap.container import open_container
 from bags.mcap.errors import BagError
@@ -47,7 +46,6 @@ def write_replayed(
             writing.writer.close()
 
 
-@final
 @dataclass(slots=True, kw_only=True)
 class _Writing:
     """A bag on its way from the recorded messages to the replayed ones."""

@@ -4,7 +4,7 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -20,7 +20,6 @@ from dgu_sim.relay import Action, RelayEvent
 from monitor.measures import spans
 
 
-@final
 @dataclass(frozen=True, kw_only=True)
 class RunRecord:
     """What a bag says about a run, or about a window of it; axes "dgus" and "links" are in the order of `topics`.

@@ -1,7 +1,7 @@
 """The team's part of a run without ROS, and of a replay."""
 
 from dataclasses import dataclass
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,6 @@ from dgu_sim.simulate import Block
 from monitor.team import MemberOutput
 
 
-@final
 @dataclass(slots=True, kw_only=True)
 class TeamProgress:
     """A team that is stepped through a run window by window.

@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
-from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +12,6 @@ from dgu_sim.scenario import Scenario
 from dgu_sim.simulate import Block, simulate
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Watched:
     """Consecutive steps of all runs, and what the monitors concluded.

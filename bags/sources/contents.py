@@ -2,14 +2,13 @@
 
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, final
+from typing import Any
 
 from bags.mcap.bag import TopicInfo, open_bag
 from bags.mcap.errors import BagError
 from bags.sources.recorded import Known, open_recorded
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Contents:
     """What a recording holds.

@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, final
+from typing import Any
 
 from bags.mcap.errors import BagError
 from bags.mcap.folder import by_number, named_files, read_metadata
@@ -13,7 +13,6 @@ from bags.mcap.metadata import METADATA_FILE
 _SUFFIXES = (".mcap", ".db3", ".bag", ".mcap.zstd", ".db3.zstd", ".mcap.zst", ".db3.zst")
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Listing:
     """The files of a recording in order, and what is said about them.

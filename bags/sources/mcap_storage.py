@@ -3,7 +3,7 @@
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 from mcap.opcode import Opcode
@@ -21,7 +21,6 @@ from bags.sources.source import Channel, RawMessage
 _BODY = FRAME + MESSAGE_HEAD_LENGTH
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class McapStorage:
     """An MCAP file opened for reading.

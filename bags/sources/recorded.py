@@ -4,7 +4,6 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import ExitStack, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import final
 
 from bags.mcap.definitions import CDR, ROS1, Decoder, Types, decoder_of, installed_definition
 from bags.mcap.errors import BagError
@@ -18,7 +17,6 @@ from bags.sources.source import Channel, RawMessage, Storage
 from bags.sources.sqlite_storage import SqliteStorage, open_sqlite
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Known:
     """Definitions from elsewhere than the recording.
@@ -44,7 +42,6 @@ class Known:
         return decoder_of(definition, others)
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Recorded:
     """A recording opened for reading.

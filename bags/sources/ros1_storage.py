@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, final
+from typing import Any
 
 from rosbags.interfaces import ConnectionExtRosbag1
 from rosbags.rosbag1 import Reader
@@ -14,7 +14,6 @@ from bags.mcap.errors import BagError
 from bags.sources.source import Channel, RawMessage
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Ros1Storage:
     """A ROS 1 bag file opened for reading.

@@ -3,12 +3,11 @@
 from collections.abc import Collection, Iterator, Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import NamedTuple, Protocol, final
+from typing import NamedTuple, Protocol
 
 from bags.mcap.definitions import Definition
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Channel:
     """Messages of one definition on one topic; a topic may have several, and all files of a bag share it.

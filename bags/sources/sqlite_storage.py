@@ -7,7 +7,6 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import final
 
 from bags.mcap.definitions import Definition
 from bags.mcap.errors import BagError
@@ -19,7 +18,6 @@ _ROWS = 500
 _TOPICS = ("id", "name", "type", "serialization_format", "offered_qos_profiles", "type_description_hash")
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SqliteStorage:
     """A sqlite3 file opened for reading.

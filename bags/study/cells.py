@@ -5,7 +5,6 @@ import json
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import final
 
 import yaml
 from pydantic import ValidationError
@@ -25,7 +24,6 @@ _FORMAT = 1  # of the rows; another one makes kept cells worthless
 _AT_ONCE = DetectorSettings(options={"settle_sec": 0.0, "calibrate_sec": 0.0})  # learns nothing
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyCell:
     """All runs of one condition, watched by one observer.

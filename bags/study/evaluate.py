@@ -6,7 +6,7 @@ detector's multiply-adds serves them all: the same code, and so the same bits, a
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields, replace
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -61,7 +61,6 @@ SCHEMA = pa.schema(
 """Columns of the table of a study."""
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Runs:
     """All runs of one scenario, one for each seed.
@@ -140,7 +139,6 @@ def _watch_all(runs: Sequence[_Runs], designs: Sequence[RunDesigns]) -> MonitorA
     return MonitorArrays(**{name: lanes_of(name) for name in ("phase", "alarm", "estimate", "residual", "threshold")})
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Part:
     """What the monitors concluded in the runs of one scenario, shapes (steps, seeds, links).

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
-from typing import final
 
 from jinja2 import Environment
 from markupsafe import Markup
@@ -21,7 +20,6 @@ from bags.study.summary import Comparison, OperatingPoint
 PAGE = "study.html"
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MatrixCell:
     """One observer and detector against one attack.
@@ -37,7 +35,6 @@ class MatrixCell:
     state: str
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row:
     """One attack in one condition.

@@ -4,7 +4,6 @@ import hashlib
 import os
 import re
 from pathlib import Path
-from typing import final
 
 import pyarrow as pa
 from pyarrow import parquet
@@ -14,7 +13,6 @@ _BLANK = b"sha256:" + b"0" * 64
 _STATED = re.compile(rb"sha256:[0-9a-f]{64}")
 
 
-@final
 class Parts:
     """One Parquet file a cell, with the key of the cell and a check sum of the whole file among its metadata.
 

@@ -3,7 +3,7 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 import pyarrow as pa
@@ -16,7 +16,6 @@ from monitor.measures.contrast import LIMIT, TRIALS
 _SEED = 0  # of the bootstrap: a table has one summary
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class OperatingPoint:
     """One observer and one setting of one detector against one attack, over all seeds.
@@ -85,7 +84,6 @@ class OperatingPoint:
         return found
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Comparison:
     """What is best against one attack, among the points whose false-alarm rate is within the limit.

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any, final
+from typing import Any
 
 from bags.mcap.bag import Bag, open_bag
 from bags.mcap.errors import BagError
@@ -19,7 +19,6 @@ from bags.tables.tabular import library, table_maker, tables, write_netcdf
 _ROWS = 1000
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ExportReport:
     """What was exported.
@@ -164,7 +163,6 @@ def _shapes(recorded: Recorded, topic: str) -> set[str]:
     }
 
 
-@final
 class _Rows:
     """Rows of one topic on their way to its file."""
 

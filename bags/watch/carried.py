@@ -4,7 +4,7 @@ from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from math import inf
 from pathlib import Path
-from typing import TypeVar, final
+from typing import TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +26,6 @@ _SYMBOLS = frozenset((*"ABCDEFGHJLMZ", "conductances", "load", "chi", "start", "
 _TINY = 1e-300  # keeps 0 / 0 out of a relative difference
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Carried:
     """Designs, and the settings that they were made with.

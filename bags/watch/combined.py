@@ -7,7 +7,7 @@ fed with the same numbers as a node and have the same bits.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple, Protocol, final
+from typing import NamedTuple, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
@@ -57,7 +57,6 @@ class Seen(Protocol):
         """Shape (steps, links)."""
 
 
-@final
 @dataclass(slots=True, kw_only=True)
 class Watch:
     """All monitors of a run while it goes on: a `dgu_sim.simulate.Respond` that remembers what they said.

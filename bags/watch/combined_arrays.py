@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +13,6 @@ from bags.wire.schema import RunTopics
 from monitor.combined import DguOutput
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class VerdictArrays:
     """Which links lie; shape (steps, links) where not said otherwise. The fields are those of Verdict.msg."""
@@ -29,7 +28,6 @@ class VerdictArrays:
     """Shape (steps, monitors)."""
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LocalArrays:
     """What the local modules concluded, shape (steps, monitors) and (steps, monitors, 3); fields of Residual.msg."""
@@ -41,7 +39,6 @@ class LocalArrays:
     threshold: NDArray[np.float64]
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class InputArrays:
     """Reconstructed inputs, shape (steps, links) and (steps, links, 2); the fields are those of InputEstimate.msg."""
@@ -55,7 +52,6 @@ class InputArrays:
     rate: NDArray[np.float64]
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CombinedArrays:
     """Everything besides the residuals of the links.
@@ -71,7 +67,6 @@ class CombinedArrays:
     inputs: InputArrays | None
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class CombinedFields:
     """The fields of the messages of some steps on their way between messages and arrays: masks are numbers here.

@@ -3,7 +3,7 @@
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
-from typing import Any, NamedTuple, TypeAlias, final
+from typing import Any, NamedTuple, TypeAlias
 
 from bags.mcap.errors import BagError
 from bags.watch.carried import Carried, Part
@@ -34,7 +34,6 @@ LinkMethod: TypeAlias = Callable[[int, History], LinkDesign]
 """From the number of a DGU and its history to what watches the links from it."""
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunDesigns:
     """Everything that the monitors of a run, or some of them, run.
@@ -176,7 +175,6 @@ def team_told(scenario: Scenario, topics: RunTopics, grid: Sequence[HistoryRecor
     return None if topics.team is None else (plan_of(scenario, topics.team), history_of(grid))
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class _Maker:
     """Takes what is carried and designs the rest; links from one DGU share a design."""

@@ -6,7 +6,7 @@ shape with arrays over links: the same multiply-adds in the same order, so the s
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, final
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,7 +25,6 @@ from monitor.observers import LinearObserver, Observer
 from monitor.options import within
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkGroup:
     """Links whose monitors step together.
@@ -39,7 +38,6 @@ class LinkGroup:
     monitor: LinkMonitor
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class MonitorArrays:
     """What all monitors concluded over some steps; the fields are those of RunRecord."""
@@ -61,7 +59,6 @@ class MonitorArrays:
         )
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunMonitors:
     """The monitors of all links of a run.

@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +10,6 @@ from monitor.linear import Component, Vector, matvec
 from monitor.observers import Estimate
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StackedObserver:
     """Linear observers of equal shape side by side: `LinearObserver` with matrices of components over links.

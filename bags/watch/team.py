@@ -5,7 +5,6 @@ Every member steps with floats through the same `Member.step` as in its node, fe
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -27,7 +26,6 @@ OBSERVER = "distributed"
 _JUDGED_BY = ("settle_sec", "calibrate_sec", "margin", "floor", "isolate")
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunTeam:
     """The team of a run.

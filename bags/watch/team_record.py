@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +16,6 @@ _WIDTH = 3
 _VECTORS = ("estimate", "disagreement", "threshold")
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TeamArrays:
     """What all members told over some steps; axes "members" and "dgus" are those of the team's topics.
@@ -66,7 +64,6 @@ class TeamArrays:
             getattr(self, name)[row, member] = getattr(output, name)
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class TeamRecord:
     """What a bag says about its team besides what was told at every step.

@@ -6,7 +6,7 @@ topic and the constant numbers of its messages; steps become stamps of `step * p
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, final
+from typing import Any
 
 from bags.mcap.cdr import Layout
 from bags.mcap.topic import NANOSECONDS_PER_SECOND, Topic
@@ -22,7 +22,6 @@ def stamp_of(step: int, period_ns: int) -> tuple[int, int]:
     return divmod(step * period_ns, NANOSECONDS_PER_SECOND)
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ClockCodec:
     """`rosgraph_msgs/msg/Clock` on /clock."""
@@ -46,7 +45,6 @@ class ClockCodec:
         return int(sec) * NANOSECONDS_PER_SECOND + int(nanosec)
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StepCodec:
     """Messages with a header, a step, numbers that never change, and a record.
@@ -112,7 +110,6 @@ class StepCodec:
         return step, source, delivered
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AlarmCodec:
     """`dcmg_msgs/msg/Alarm`: an alarm of one monitor starts or ends."""

@@ -3,7 +3,7 @@
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import cast, final
+from typing import cast
 
 import numpy as np
 
@@ -18,7 +18,6 @@ from monitor.link_monitor import MonitorOutput
 from monitor.stream_guard import StreamFault
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AttackEventCodec:
     """`dcmg_msgs/msg/AttackEvent` on /attacks/events."""
@@ -70,7 +69,6 @@ class AttackEventCodec:
         )
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DiagnosticsCodec:
     """`diagnostic_msgs/msg/DiagnosticArray` of one monitor: one status for each incoming link, once a second."""
@@ -137,7 +135,6 @@ class DiagnosticsCodec:
         )
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HistoryCodec:
     """`dcmg_msgs/msg/History` of one DGU, or of the grid: one message for each offline experiment."""
@@ -190,7 +187,6 @@ class HistoryCodec:
         )
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DesignCodec:
     """`dcmg_msgs/msg/Design` of one link, of an own state, of an estimator of inputs, or of a team."""

@@ -6,7 +6,6 @@ The per-step messages carry records of `dgu_sim` and `monitor`; these here are t
 import json
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,7 +25,6 @@ class DiagnosticLevel(IntEnum):
     STALE = 3
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class AlarmRecord:
     """An alarm on the link source -> monitor starts (active) or ends.
@@ -48,7 +46,6 @@ class AlarmRecord:
     threshold: tuple[float, ...]
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreamRecord:
     """A fault of the stream of messages on the link source -> monitor appears (active) or is over.
@@ -70,7 +67,6 @@ class StreamRecord:
     detail: str
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class SecondRecord:
     """A message of a second publisher on a link, in order with its step.
@@ -88,7 +84,6 @@ class SecondRecord:
     delivered: bool
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class HistoryRecord:
     """One offline experiment on one DGU.
@@ -117,7 +112,6 @@ class HistoryRecord:
     w: NDArray[np.float64]
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class DesignRecord:
     """The observer designed for the link source -> monitor, or why there is none.

@@ -4,7 +4,7 @@ import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from enum import Enum
-from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar, final
+from typing import Any, Generic, NamedTuple, TypeAlias, TypeVar
 
 from bags.mcap.cdr import Layout
 from bags.mcap.errors import BagError
@@ -73,7 +73,6 @@ class Form(NamedTuple):
     made: Made
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Spot:
     """A row at one place of a run: what a codec is made of.
@@ -104,7 +103,6 @@ class Spot:
         return self.topic.layout
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Row(Generic[Codec_co]):
     """One row: the topics of one meaning, one for each place of an axis.

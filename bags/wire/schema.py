@@ -3,7 +3,7 @@
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, Any
 
 from bags.mcap.cdr import Layout, layout_of
 from bags.mcap.errors import BagError
@@ -37,7 +37,6 @@ def monitor_name(dgu: int) -> str:
     return f"monitor_{dgu}"
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Parts:
     """What the monitors tell besides their residuals, when several tests draw one conclusion: a verdict always.
@@ -51,7 +50,6 @@ class Parts:
     inputs: bool
 
 
-@final
 @dataclass(frozen=True, kw_only=True)
 class RunTopics:
     """The topics of a run and their codecs.

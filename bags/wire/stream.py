@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +16,6 @@ from dgu_sim.grid import Link
 from monitor.stream_guard import Arrival, Faults, StreamChange, StreamFault, StreamGuard
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StreamCodec:
     """`dcmg_msgs/msg/StreamEvent` on /dgu_j/stream."""
@@ -62,7 +60,6 @@ def lies(faults: Faults) -> bool:
     return any(fault is not StreamFault.MISSING for fault in faults)
 
 
-@final
 @dataclass(slots=True)
 class Spoofed:
     """The links whose streams lie at each row of a recorded run, window by window."""
@@ -102,7 +99,6 @@ def claimed_step(codec: StepCodec, data: bytes) -> int:
     return arrival_of(codec, data, known=False).step
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class LinkFaults:
     """Faults of every link's stream at one step, in the order of the links."""

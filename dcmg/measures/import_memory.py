@@ -8,7 +8,7 @@ import subprocess
 import sys
 import time
 from dataclasses import asdict, dataclass
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, Any
 
 from mcap.writer import Writer
 
@@ -26,7 +26,6 @@ _START_SEC = 1_700_000_000
 _KIB_PER_MB = 1024
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Imported:
     """One command on the recording.
@@ -46,7 +45,6 @@ class Imported:
     detail: str
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class ImportMemory:
     """What was measured.

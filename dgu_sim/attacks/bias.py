@@ -1,7 +1,6 @@
 """Additive bias."""
 
 from collections.abc import Sequence
-from typing import final
 
 from pydantic import Field
 
@@ -14,7 +13,6 @@ from dgu_sim.records import Sample
 __all__ = ["Bias"]
 
 
-@final
 class Bias(Attack):
     """y^c = y + phi with a constant phi on every sample, T (19): a step at the attack's start."""
 

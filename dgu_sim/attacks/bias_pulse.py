@@ -1,6 +1,6 @@
 """A bias that comes and goes."""
 
-from typing import Self, final
+from typing import Self
 
 from pydantic import Field, model_validator
 
@@ -10,7 +10,6 @@ from dgu_sim.model import Number, Vector3, finding
 __all__ = ["BiasPulse"]
 
 
-@final
 class BiasPulse(Profile):
     """phi = bias for the first width_sec of every period_sec, 0 in between; both in whole samples, at least one."""
 

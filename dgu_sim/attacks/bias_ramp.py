@@ -1,7 +1,5 @@
 """A bias that grows."""
 
-from typing import final
-
 from pydantic import Field
 
 from dgu_sim.attacks.profile import Profile
@@ -10,7 +8,6 @@ from dgu_sim.model import Number, Vector3
 __all__ = ["BiasRamp"]
 
 
-@final
 class BiasRamp(Profile):
     """phi = rate * min(t, rise_sec), t since the attack's start."""
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Literal, final
+from typing import Literal
 
 import numpy as np
 from pydantic import Field
@@ -27,7 +27,6 @@ class _Drawn:
     numbers: tuple[Sequence[Component], ...]
 
 
-@final
 class BiasRandom(Attack):
     """y^c = y + phi, phi drawn anew for every sample, component and link: U(-spread, spread) or N(0, spread^2).
 

@@ -1,7 +1,6 @@
 """A bias that swings."""
 
 import math
-from typing import final
 
 from pydantic import Field
 
@@ -11,7 +10,6 @@ from dgu_sim.model import Number, Vector3
 __all__ = ["BiasSine"]
 
 
-@final
 class BiasSine(Profile):
     """phi = amplitude * sin(2 pi t / period_sec), t since the attack's start."""
 

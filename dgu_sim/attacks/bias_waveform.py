@@ -1,7 +1,7 @@
 """A bias that follows a recorded or drawn curve."""
 
 from functools import cached_property
-from typing import Self, final
+from typing import Self
 
 import numpy as np
 from pydantic import Field, model_validator
@@ -16,7 +16,6 @@ __all__ = ["BiasWaveform"]
 _COLUMNS = ("voltage_v", "current_a", "integral_vs")
 
 
-@final
 class BiasWaveform(Table, Profile):
     """phi = scale * (row of the table), times since the attack's start; a component without a column stays 0.
 

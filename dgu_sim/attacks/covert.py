@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar, TypeAlias, final
+from typing import ClassVar, TypeAlias
 
 from pydantic import Field
 
@@ -38,7 +38,6 @@ class _Replica:
     d: Vector = (0.0, 0.0)
 
 
-@final
 class Covert(Attack):
     """x~+ = A x~ + E d~ replaces the victim's output: every sample fits the victim's dynamics.
 

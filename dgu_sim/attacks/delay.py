@@ -1,7 +1,6 @@
 """Old news."""
 
 from collections.abc import Sequence
-from typing import final
 
 from pydantic import Field
 
@@ -14,7 +13,6 @@ __all__ = ["Delay"]
 _LONGEST = 100_000  # samples held back for each link: some ten megabytes
 
 
-@final
 class Delay(Attack):
     """y^c_k = y_(k - samples); until the delay line is full, the first sample of the attack is delivered."""
 

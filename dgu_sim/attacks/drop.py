@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import final
 
 import numpy as np
 from pydantic import Field
@@ -27,7 +26,6 @@ class _Drawn:
     chance: tuple[Sequence[Component], ...]
 
 
-@final
 class Drop(Attack):
     """Each sample is lost with a probability, independently; with probability 1 none gets through (DoS).
 

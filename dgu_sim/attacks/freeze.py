@@ -1,7 +1,6 @@
 """A link that stands still."""
 
 from collections.abc import Sequence
-from typing import final
 
 from dgu_sim.attacks.context import AttackContext
 from dgu_sim.attacks.protocol import Attack
@@ -10,7 +9,6 @@ from dgu_sim.records import Sample
 __all__ = ["Freeze"]
 
 
-@final
 class Freeze(Attack):
     """y^c_k = y_k0: the first sample of the attack is delivered again and again."""
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import ClassVar
 
 from pydantic import Field
 
@@ -25,7 +25,6 @@ class _Biases:
     phi: tuple[Vector, ...]
 
 
-@final
 class LuenbergerStealthy(Attack):
     """sum_j A_ij phi_ij = 0, theory section 8: phi_V on the first link, the opposite line current on the others.
 

@@ -2,7 +2,7 @@
 
 from abc import abstractmethod
 from collections.abc import Sequence
-from typing import NamedTuple, final
+from typing import NamedTuple
 
 from dgu_sim.attacks.context import AttackContext
 from dgu_sim.attacks.falsified import shifted
@@ -27,12 +27,10 @@ class Profile(Attack):
     def phi(self, elapsed: int, sampling_period_sec: float) -> Vector3:
         """Return phi, `elapsed` samples after the first affected one."""
 
-    @final
     def init(self, context: AttackContext) -> object:
         """Return the clock at the first affected sample."""
         return _Elapsed(0, context.sampling_period_sec)
 
-    @final
     def step(self, state: object, samples: Sequence[Sample]) -> tuple[object, tuple[Sample, ...]]:
         """Return the samples with phi added."""
         assert isinstance(state, _Elapsed)  # noqa: S101 - what init returned

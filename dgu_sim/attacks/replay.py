@@ -2,7 +2,6 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import final
 
 from pydantic import Field
 
@@ -23,7 +22,6 @@ class _Tape:
     position: int
 
 
-@final
 class Replay(Attack):
     """Records the first record_sec unchanged, then plays them back in a loop: y^c_k = y_(k0 + (k - k0) mod n).
 

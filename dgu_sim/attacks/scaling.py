@@ -1,7 +1,6 @@
 """Multiplied measurements."""
 
 from collections.abc import Sequence
-from typing import final
 
 from pydantic import Field
 
@@ -13,7 +12,6 @@ from dgu_sim.records import Sample
 __all__ = ["Scaling"]
 
 
-@final
 class Scaling(Attack):
     """y^c_k = gain_k y_k for each component."""
 

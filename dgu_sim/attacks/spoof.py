@@ -2,7 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
-from typing import Annotated, ClassVar, final
+from typing import Annotated, ClassVar
 
 from pydantic import AfterValidator, Field
 
@@ -37,7 +37,6 @@ class _Imposter:
     state: object
 
 
-@final
 class Spoof(Attack):
     """Another publisher sends a falsified message of each step behind the true one, which stays as it is.
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import ClassVar, final
+from typing import ClassVar
 
 from pydantic import Field
 
@@ -24,7 +24,6 @@ class _Plane:
     phi: tuple[Vector, ...]
 
 
-@final
 class UioStealthyPlane(Attack):
     """Constant phi with (past + future) . phi = 0: it shows for a blip and leaves no steady residual.
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import ClassVar, final
+from typing import ClassVar
 
 from pydantic import Field
 
@@ -27,7 +27,6 @@ class _Course:
     phi: tuple[Vector, ...]
 
 
-@final
 class UioStealthyTrajectory(Attack):
     """phi_k+1 = A phi_k + E delta_k from phi = 0, theory section 3: what a load and a reference could have caused.
 

@@ -2,7 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Annotated, ClassVar, final
+from typing import Annotated, ClassVar
 
 from pydantic import AfterValidator, Field
 
@@ -33,7 +33,6 @@ class _Biases:
     phi: tuple[Vector, ...]
 
 
-@final
 class ZeroSum(Attack):
     """phi_I = share * I^r of the link's source, the shares add up to 0.
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, final
+from typing import TYPE_CHECKING, Any
 
 from monitor.detectors import calibrated, chi_squared, cusum, fixed, n_of_m, noise_bound
 from monitor.options import check_kind, parse_options, within
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from monitor.detectors.protocol import Detector
 
 
-@final
 @dataclass(frozen=True, slots=True)
 class Kind:
     """How detectors of a kind are built.

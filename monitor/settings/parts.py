@@ -1,7 +1,7 @@
 """The parts of what a monitor is told: what every DGU runs on what it receives."""
 
 from collections.abc import Mapping
-from typing import Any, final
+from typing import Any
 
 from pydantic import Field, model_validator
 
@@ -20,7 +20,6 @@ __all__ = [
 ]
 
 
-@final
 class ObserverSettings(Settings):
     """How a monitor designs its observer; checked by the monitor."""
 
@@ -28,7 +27,6 @@ class ObserverSettings(Settings):
     options: dict[str, object] = Field(default_factory=dict, description="Options of the design method.")
 
 
-@final
 class DetectorSettings(Settings):
     """How a monitor turns residuals into alarms; checked by the monitor."""
 
@@ -63,7 +61,6 @@ class DetectorSettings(Settings):
         return build(self.kind, self.options, sampling_period_sec)
 
 
-@final
 class LocalSettings(Settings):
     """The module of the own state: neighbours' received voltages against the own measurement."""
 
@@ -82,7 +79,6 @@ class LocalSettings(Settings):
         return self.load_sec + self.detector.calibrated_sec
 
 
-@final
 class EstimatorSettings(Settings):
     """How an unknown input is reconstructed; checked by the monitor."""
 
@@ -90,7 +86,6 @@ class EstimatorSettings(Settings):
     options: dict[str, object] = Field(default_factory=dict, description="Options of the design method.")
 
 
-@final
 class LimitSettings(Settings):
     """What is plausible of a neighbour's input: net and load current, and reference."""
 
@@ -113,7 +108,6 @@ class LimitSettings(Settings):
         return self
 
 
-@final
 class PlausibilitySettings(Settings):
     """The test of what must have acted on a neighbour if it tells the truth."""
 
@@ -126,7 +120,6 @@ class PlausibilitySettings(Settings):
         return self.limits.settle_sec + self.limits.calibrate_sec
 
 
-@final
 class ResponseSettings(Settings):
     """Secondary control goes on without an accused link."""
 

@@ -1,7 +1,5 @@
 """Everything that the monitors of a run are told."""
 
-from typing import final
-
 from pydantic import Field
 
 from monitor.settings.base import Settings
@@ -17,7 +15,6 @@ from monitor.settings.team import TeamSettings
 __all__ = ["MonitorSettings"]
 
 
-@final
 class MonitorSettings(Settings):
     """What every DGU runs on each of its incoming links, and on all of them together."""
 

@@ -1,7 +1,7 @@
 """What monitors are told that estimate the whole grid together."""
 
 from enum import StrEnum
-from typing import Annotated, Self, final
+from typing import Annotated, Self
 
 from pydantic import BeforeValidator, Field, model_validator
 from pydantic_core import PydanticCustomError
@@ -42,7 +42,6 @@ def _pair(value: object) -> object:
 Pair = Annotated[tuple[int, int], BeforeValidator(_pair)]
 
 
-@final
 class TeamEventSettings(Settings):
     """A member joins late, leaves, or lies for a while."""
 
@@ -65,7 +64,6 @@ class TeamEventSettings(Settings):
         return self
 
 
-@final
 class TeamSettings(Settings):
     """Every monitor estimates the whole grid and exchanges its estimate with its neighbours in the team."""
 

@@ -8,7 +8,6 @@ import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import final
 
 import lz4.frame  # type: ignore[import-untyped] # lz4 ships no types
 import numpy as np
@@ -34,7 +33,6 @@ from bags.wire.schema import RunTopics
 Message = tuple[str, int, bytes]
 
 
-@final
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Original:
     """A small bag, and where each of its messages stands in the file.
