@@ -2,12 +2,17 @@
 
 from __future__ import annotations
 
+import json
 import os
 from typing import TYPE_CHECKING, Any
 
 import pytest
 import rclpy
 from dcmg_msgs.srv import StartAttack, StopAttack
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from dgu_sim.attacks import KINDS
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
@@ -71,4 +76,45 @@ def test_no_request_ends_the_attacker(caller: tuple[Any, Node]) -> None:
     assert not call(node, StopAttack, "/attacks/stop", StopAttack.Request(source=2**32 - 1, target=0)).accepted
     sound = StartAttack.Request(source=1, target=2, kind="bias", parameters='{"bias": [0.1, 0.1, 0.1], "anyway": true}')
     assert call(node, StartAttack, "/attacks/start", sound).accepted
+    assert run.process.poll() is None
+
+
+_WORDS = st.one_of(
+    st.sampled_from(["1-2", "bias", "links", "kind", "", "nan", "\ud800", "9" * 400]), st.text(max_size=20)
+)
+_JSON = st.recursive(
+    st.one_of(st.none(), st.booleans(), st.integers(), st.floats(), _WORDS),
+    lambda inner: st.one_of(st.lists(inner, max_size=4), st.dictionaries(_WORDS, inner, max_size=4)),
+    max_leaves=8,
+)
+_PARAMETERS = st.one_of(
+    st.text(max_size=60),
+    st.dictionaries(st.one_of(_WORDS, st.sampled_from(["bias", "gain", "delay_sec"])), _JSON, max_size=4).map(
+        json.dumps
+    ),
+    st.lists(st.floats(), min_size=3, max_size=3).map(lambda bias: json.dumps({"bias": bias, "anyway": True})),
+)
+_NUMBER = st.integers(0, 2**32 - 1)
+
+
+@settings(max_examples=60, deadline=None, derandomize=True, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(
+    kind=st.one_of(st.sampled_from(sorted(KINDS)), _WORDS),
+    parameters=_PARAMETERS,
+    link=st.one_of(st.sampled_from([(1, 2), (4, 3)]), st.tuples(_NUMBER, _NUMBER)),
+    duration_sec=st.floats(),
+)
+def test_any_request_is_answered(
+    caller: tuple[Any, Node], kind: str, parameters: str, link: tuple[int, int], duration_sec: float
+) -> None:
+    """Whatever a program asks for, it gets an answer, with a reason where it is refused; the run goes on."""
+    run, node = caller
+    source, target = link
+    words = [word.encode("utf-8", "replace").decode().replace("\0", "") for word in (kind, parameters)]
+    request = StartAttack.Request(
+        source=source, target=target, kind=words[0], parameters=words[1], duration_sec=duration_sec
+    )
+    answer = call(node, StartAttack, "/attacks/start", request)
+    assert answer.accepted or answer.message
+    call(node, StopAttack, "/attacks/stop", StopAttack.Request(source=source, target=target))
     assert run.process.poll() is None

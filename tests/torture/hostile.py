@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import random
 import shutil
+import struct
 import time
 from dataclasses import dataclass
 from functools import cache
@@ -181,6 +182,8 @@ def entries() -> Mapping[str, Entry]:
         "run": Entry(original=golden_path("biased"), file="biased_0.mcap", read=lambda path, _: read_run(path)),
         "sqlite3": Entry(original=_recorded(folder / "db3", StoragePlugin.SQLITE3), file="db3.db3", read=_bag),
     }
+    _ulog(folder / "log.ulg", columns)
+    found["ulog"] = Entry(original=folder / "log.ulg", read=_log)
     for suffix, write in tables.items():
         write(folder / f"table.{suffix}", columns)
         found[suffix] = Entry(original=folder / f"table.{suffix}", read=_table)
@@ -208,6 +211,21 @@ def _h5(path: Path, table: Mapping[str, np.ndarray]) -> None:
     with h5py.File(path, "w") as out:
         for name, values in table.items():
             out[name] = values
+
+
+def _ulog(path: Path, table: Mapping[str, np.ndarray]) -> None:
+    """One topic, by the published format of PX4's logs."""
+
+    def message(kind: bytes, content: bytes) -> bytes:
+        return struct.pack("<H", len(content)) + kind + content
+
+    names = [name for name in table if name != "t"]
+    out = b"ULog\x01\x12\x35\x01" + struct.pack("<Q", 0) + message(b"B", bytes(40))
+    out += message(b"F", f"sample:uint64_t timestamp;{''.join(f'double {name};' for name in names)}".encode())
+    out += message(b"A", struct.pack("<BH", 0, 0) + b"sample")
+    for stamp, *row in zip(table["t"].tolist(), *(table[name].tolist() for name in names), strict=True):
+        out += message(b"D", struct.pack(f"<HQ{len(row)}d", 0, round(1e6 * stamp), *row))
+    path.write_bytes(out)
 
 
 def _recorded(path: Path, storage: StoragePlugin) -> Path:
@@ -240,6 +258,13 @@ def _bag(path: Path, work: Path) -> None:
 
 
 def _table(path: Path, work: Path) -> None:
+    _imported(path, work, {"time": {"field": "t"}, "streams": [{"link": "1-2", "y": ["V", "I", "W"]}]})
+
+
+def _log(path: Path, work: Path) -> None:
+    _imported(path, work, {"streams": [{"link": "1-2", "y": ["/sample.V", "/sample.I", "/sample.W"]}]})
+
+
+def _imported(path: Path, work: Path, mapping: Mapping[str, object]) -> None:
     describe_source(path)
-    mapping = mapping_of({"time": {"field": "t"}, "streams": [{"link": "1-2", "y": ["V", "I", "W"]}]}, "test")
-    import_streams(path, mapping, work / "bag")
+    import_streams(path, mapping_of(mapping, "test"), work / "bag")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
+from functools import partial
 from typing import TYPE_CHECKING, Any
 
 from dcmg_msgs.msg import NodeDone, Ready, RunEnd
@@ -64,6 +65,7 @@ class Ports:
         self.lifetime = host.lifetime
         self._bus, self._alone = host.bus, host.alone
         self._announced = False
+        self._strange: set[str] = set()
         self.wiring = wiring
         # Parameter services and /rosout would triple the endpoints that every peer has to discover.
         self.node = Node(name, enable_rosout=False, start_parameter_services=False)
@@ -107,7 +109,7 @@ class Ports:
         With `on_other`, only with those of the publisher that was there at step 0, and `on_other` with all others.
         """
         if self._alone and topic.kind is TopicKind.PER_STEP:
-            on_bytes = self._once_announced(on_bytes)
+            on_bytes, on_other = self._once_announced(on_bytes), on_other or partial(self._set_aside, topic.name)
         if self._is_local(topic):
             self._bus.add_reader(topic.name, on_bytes)
             if on_other is not None:
@@ -218,6 +220,13 @@ class Ports:
                 self.lifetime.fail(self.name, reason)
 
         return take
+
+    def _set_aside(self, topic: str, _data: bytes) -> None:
+        """Leave out what another program says on a topic of the run, and name it once."""
+        if topic not in self._strange:
+            self._strange.add(topic)
+            told = f"{topic}: messages of a publisher that is not of this run are left out"
+            self.log.warning(told)
 
     def _on_end(self, _message: RunEnd) -> None:
         self.lifetime.leave(self.name)
