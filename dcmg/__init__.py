@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from bags.runs.reader import Run
     from bags.runs.run_record import RunRecord
     from bags.watch.scenarios import parse_scenario
-    from dcmg.api.data import Alarms, Estimates, design, detector, history, run_detector, run_observer
+    from dcmg.api.data import design, detector, history, run_detector, run_observer
     from dcmg.api.runs import dataset, open_run, read_run, replay, report, simulate
     from dcmg.api.scenarios import load_scenario
     from dcmg.errors import CommandError
@@ -25,7 +25,9 @@ if TYPE_CHECKING:
     from dgu_sim.errors import AttackError, DguSimError, ScenarioError
     from dgu_sim.grid import Link
     from dgu_sim.scenario import Scenario
+    from monitor.batch import Estimates
     from monitor.certificate import Certificate
+    from monitor.detectors.batch import Alarms
     from monitor.detectors.protocol import Detector, matched
     from monitor.errors import HistoryError, MonitorError
     from monitor.history import Experiment, History
@@ -74,7 +76,7 @@ _NAMES = {
     "bags.reporting.write": ("Report",),
     "bags.runs.reader": ("Run",),
     "bags.runs.run_record": ("RunRecord",),
-    "dcmg.api.data": ("Alarms", "Estimates", "design", "detector", "history", "run_detector", "run_observer"),
+    "dcmg.api.data": ("design", "detector", "history", "run_detector", "run_observer"),
     "dcmg.api.runs": ("dataset", "open_run", "read_run", "replay", "report", "simulate"),
     "dcmg.api.scenarios": ("load_scenario",),
     "dcmg.errors": ("CommandError",),
@@ -83,7 +85,9 @@ _NAMES = {
     "dgu_sim.grid": ("Link",),
     "bags.watch.scenarios": ("parse_scenario",),
     "dgu_sim.scenario": ("Scenario",),
+    "monitor.batch": ("Estimates",),
     "monitor.certificate": ("Certificate",),
+    "monitor.detectors.batch": ("Alarms",),
     "monitor.detectors.protocol": ("Detector", "matched"),
     "monitor.errors": ("HistoryError", "MonitorError"),
     "monitor.history": ("Experiment", "History"),

@@ -192,6 +192,10 @@ class Certificate:
     guarantee: Guarantee | None = None
     method: MethodReport | None = None
 
+    def __repr__(self) -> str:
+        """One line; the design prints the whole page."""
+        return f"<{self.kind} certificate: {self.verdict}>"
+
     def to_json(self) -> str:
         """One JSON document; infinite numbers become null, complex ones pairs (real, imaginary)."""
         return json.dumps(_plain(self), allow_nan=False)

@@ -5,10 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
+import numpy as np
+
+from monitor.batch import Estimates, received, run_linear
 from monitor.linear_observer import LinearObserver
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
+
+    from numpy.typing import ArrayLike
 
     from monitor.linear import Component, Vector
     from monitor.observer import Estimate, Observer
@@ -53,6 +58,15 @@ class ConstantInput:
     def step(self, state: Vector, u: Sequence[Component], y: Sequence[Component]) -> tuple[Vector, Estimate]:
         """Estimate from the samples up to t, and advance."""
         return self.inner.step(state, (1.0, *u), y)
+
+    def run(self, u: ArrayLike | None, y: ArrayLike, x0: ArrayLike | None = None) -> Estimates:
+        """Run over a whole recording, as `LinearObserver.run` does; u without the constant.
+
+        Raises:
+            HistoryError: the arrays do not have the columns that the observer was designed for, or x0 not n numbers.
+        """
+        inputs, outputs = received(self, u, y)
+        return run_linear(linear_part(self), np.hstack([np.ones((len(outputs), 1)), inputs]), outputs, x0)
 
 
 def linear_part(observer: LinearObserver | ConstantInput) -> LinearObserver:

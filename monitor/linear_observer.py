@@ -7,13 +7,14 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from monitor.batch import Estimates, run_linear
 from monitor.linear import Component, Matrix, Vector, matvec, rows_of
 from monitor.observer import Estimate
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from numpy.typing import NDArray
+    from numpy.typing import ArrayLike, NDArray
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -77,3 +78,19 @@ class LinearObserver:
         out = matvec(self._whole, (*state, *u, *y))
         p, known = self.outputs, self.outputs + self.states
         return out[known:], Estimate(estimate=out[p:known], residual=out[:p])
+
+    def run(self, u: ArrayLike | None, y: ArrayLike, x0: ArrayLike | None = None) -> Estimates:
+        """Run over a whole recording: what `step` gives one by one, bit for bit.
+
+        Args:
+            u: known inputs, shape (T, m); None: there are none.
+            y: received outputs, shape (T, p).
+            x0: first estimate, shape (n,), units of x; None: what `init` starts with.
+
+        Returns:
+            estimate (T, n) and residual (T, p).
+
+        Raises:
+            HistoryError: the arrays do not have the columns that the observer was designed for, or x0 not n numbers.
+        """
+        return run_linear(self, u, y, x0)

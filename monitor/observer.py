@@ -5,11 +5,15 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING, NamedTuple, Protocol
 
-from monitor.wording import blind_reason
+from monitor.certificate_html import as_html
+from monitor.wording import blind_reason, describe
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
+    from numpy.typing import ArrayLike
+
+    from monitor.batch import Estimates
     from monitor.certificate import Certificate
     from monitor.linear import Component, Vector
 
@@ -52,6 +56,13 @@ class Observer(Protocol):
         """Estimate x_t-lag and the residual from the samples up to t, and advance."""
 
 
+class RecordedObserver(Observer, Protocol):
+    """An observer that also runs over whole recordings."""
+
+    def run(self, u: ArrayLike | None, y: ArrayLike, x0: ArrayLike | None = None) -> Estimates:
+        """Run over a whole recording: what `step` gives one by one, bit for bit; x0 is the first estimate."""
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class Design:
     """The observer designed from a history, or the reason why there is none.
@@ -64,9 +75,19 @@ class Design:
     """
 
     kind: str
-    observer: Observer | None
+    observer: RecordedObserver | None
     certificate: Certificate
     channels: tuple[int, ...] | None = None
+
+    def __repr__(self) -> str:
+        """The kind and the verdict, then the page of the certificate."""
+        return "\n".join(
+            [f"<{self.kind} design: {self.verdict}>", *(f"  {line}" for line in describe(self.certificate)[1:])]
+        )
+
+    def _repr_html_(self) -> str:
+        """For a notebook."""
+        return as_html(f"{self.kind} design", self.certificate)
 
     @property
     def blind(self) -> bool:

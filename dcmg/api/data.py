@@ -2,46 +2,25 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dcmg.suggest import did_you_mean
 from monitor import detectors, observers
+from monitor.batch import Estimates, table
+from monitor.detectors.batch import Alarms
+from monitor.detectors.batch import run_detector as _run_detector
 from monitor.errors import HistoryError, MonitorError
 from monitor.history import Experiment, History
 
 if TYPE_CHECKING:
-    from numpy.typing import ArrayLike, NDArray
+    from numpy.typing import ArrayLike
 
     from monitor.detectors.protocol import Detector
-    from monitor.observer import Design, Observer
+    from monitor.observer import Design, RecordedObserver
 
 _CALL = "dcmg.design(u=u, y=y, x=x, sampling_period_sec=0.01)"
-
-
-class Estimates(NamedTuple):
-    """What an observer concluded over a whole recording.
-
-    Attributes:
-        estimate: row t is the estimate of x at t - lag, shape (T, n), units of x.
-        residual: shape (T, p), units of y; NaN where a sample was missing.
-    """
-
-    estimate: NDArray[np.float64]
-    residual: NDArray[np.float64]
-
-
-class Alarms(NamedTuple):
-    """What a detector concluded over a whole recording.
-
-    Attributes:
-        alarm: shape (T,).
-        threshold: shape (T, p), units of the residual; NaN before it is set.
-    """
-
-    alarm: NDArray[np.bool_]
-    threshold: NDArray[np.float64]
 
 
 def history(
@@ -66,14 +45,14 @@ def history(
     Raises:
         HistoryError: the arrays do not fit together, or one holds no numbers.
     """
-    outputs = _table("y", y)
+    outputs = table("y", y, call=_CALL)
     return History(
         (
             Experiment(
-                u=_table("u", u, samples=len(outputs)),
+                u=table("u", u, samples=len(outputs), call=_CALL),
                 y=outputs,
-                x=outputs if x is None else _table("x", x),
-                d=_table("d", d, samples=len(outputs)),
+                x=outputs if x is None else table("x", x, call=_CALL),
+                d=table("d", d, samples=len(outputs), call=_CALL),
             ),
         ),
         _period(sampling_period_sec),
@@ -135,30 +114,21 @@ def detector(kind: str = "fixed", *, sampling_period_sec: float, **options: obje
     return detectors.build(kind, options, _period(sampling_period_sec))
 
 
-def run_observer(observer: Observer, y: ArrayLike, u: ArrayLike | None = None) -> Estimates:
+def run_observer(
+    observer: RecordedObserver, y: ArrayLike, u: ArrayLike | None = None, x0: ArrayLike | None = None
+) -> Estimates:
     """Step an observer over a recording: the numbers that it gives online, bit for bit.
 
     Args:
         observer: `design.observer`.
         y: received outputs, shape (T, p).
         u: known inputs, shape (T, m); None: there are none.
+        x0: first estimate, shape (n,), units of x; None: what the observer itself starts with.
 
     Raises:
-        HistoryError: the arrays do not have the columns that the observer was designed for.
+        HistoryError: the arrays do not have the columns that the observer was designed for, or x0 not n numbers.
     """
-    outputs = _table("y", y)
-    inputs = _table("u", u, samples=len(outputs))
-    for name, table, wanted in (("y", outputs, observer.outputs), ("u", inputs, observer.inputs)):
-        if table.shape != (len(outputs), wanted):
-            raise HistoryError(f"{name} has shape {table.shape}, expected {(len(outputs), wanted)}, as in the design")
-    estimate = np.full((len(outputs), observer.states), np.nan)
-    residual = np.full(outputs.shape, np.nan)
-    if len(outputs):
-        state = observer.init(inputs[0].tolist(), outputs[0].tolist())
-        for step, (known, received) in enumerate(zip(inputs.tolist(), outputs.tolist(), strict=True)):
-            state, found = observer.step(state, known, received)
-            estimate[step], residual[step] = found.estimate, found.residual
-    return Estimates(estimate, residual)
+    return observer.run(u, y, x0)
 
 
 def run_detector(detector: Detector[Any], residual: ArrayLike) -> Alarms:
@@ -171,31 +141,10 @@ def run_detector(detector: Detector[Any], residual: ArrayLike) -> Alarms:
     Raises:
         HistoryError: the residuals are no table of numbers.
     """
-    rows = _table("residual", residual)
-    alarm, threshold = np.zeros(len(rows), dtype=np.bool_), np.full(rows.shape, np.nan)
-    state = detector.init(rows.shape[1])
-    for step, row in enumerate(rows.tolist()):
-        state, verdict = detector.step(state, row)
-        alarm[step], threshold[step] = verdict.alarm, verdict.threshold
-    return Alarms(alarm, threshold)
+    return _run_detector(detector, residual)
 
 
 _history = history  # `design` has an argument of that name
-
-
-def _table(name: str, values: ArrayLike | None, samples: int = 0) -> NDArray[np.float64]:
-    """Samples x columns, from whatever looks like it."""
-    if values is None:
-        return np.empty((samples, 0))
-    try:
-        table = np.ascontiguousarray(values, dtype=np.float64)  # one layout, so that sums have one order
-    except (TypeError, ValueError):
-        raise HistoryError(f"{name} is no table of numbers, expected shape (samples, columns): {_CALL}") from None
-    if table.ndim == 1:
-        table = table[:, None]
-    if table.ndim != 2:  # noqa: PLR2004 (rows and columns)
-        raise HistoryError(f"{name} has shape {table.shape}, expected (samples, columns), as in {_CALL}")
-    return table
 
 
 def _period(sampling_period_sec: object) -> float:

@@ -8,8 +8,10 @@ import sys
 import time
 from typing import TYPE_CHECKING
 
+import numpy as np
 import pytest
 
+import dcmg
 from dcmg_bringup.domain import choose_domain
 
 if TYPE_CHECKING:
@@ -71,3 +73,21 @@ def test_an_attack_by_hand(tmp_path: Path) -> None:
             )
         finally:
             process.terminate()
+
+
+def test_a_recording_through_an_observer() -> None:
+    """Samples per second of CPU: a whole recording at once, and step by step."""
+    rng = np.random.default_rng(1)
+    x = np.zeros((200_000, 3))
+    for step in range(len(x) - 1):
+        x[step + 1] = 0.8 * x[step] + [rng.uniform(-1.0, 1.0), 0.1 * x[step, 0], 0.1 * x[step, 1]]
+    observer = dcmg.design(y=x[:200], sampling_period_sec=0.01).observer
+    assert observer is not None
+    begin = time.process_time()
+    observer.run(None, x)
+    at_once = len(x) / (time.process_time() - begin)
+    begin, state = time.process_time(), observer.init([], x[0].tolist())
+    for row in x[:50_000].tolist():
+        state, _ = observer.step(state, [], row)
+    stepped = 50_000 / (time.process_time() - begin)
+    print(f"\nobserver.run: {at_once / 1e6:.2f} M samples/s (wanted: 1), {at_once / stepped:.1f} x stepping", end="")  # noqa: T201
