@@ -29,7 +29,10 @@ SHAPES = st.one_of(
 
 def _observer(rng: np.random.Generator, order: int, outputs: int, states: int, inputs: int) -> LinearObserver:
     def some(rows: int, columns: int) -> NDArray[np.float64]:
-        return rng.normal(size=(rows, columns)) * rng.choice([0.0, 0.1, 0.5], size=(rows, columns))
+        found: NDArray[np.float64] = rng.normal(size=(rows, columns)) * rng.choice(
+            [0.0, 0.1, 0.5], size=(rows, columns)
+        )
+        return found
 
     received = inputs + outputs
     return LinearObserver(
