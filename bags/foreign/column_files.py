@@ -19,6 +19,7 @@ from bags.mcap.kinds import check_regular
 _ROWS = 65_536
 _MOST_ROWS = 1 << 20  # of a spreadsheet
 _MOST_SHEET_CELLS = 2_500_000  # each is an object
+_TEXTS = ("string", "large_string", "binary", "dictionary", "list", "large_list", "fixed_size_list", "struct", "map")
 _MATRIX = 2  # dimensions
 _MOST_COLUMNS = 1000  # of a matrix
 
@@ -124,12 +125,19 @@ def open_hdf5(file: Path) -> ArrayTable:
         BagError: It is none, or h5py is not installed.
     """
     h5py = library("h5py", "tables", "HDF5")
-    found: list[tuple[ColumnInfo, str, int | None]] = []
+    found: list[tuple[ColumnInfo, str, int | str | None]] = []
     left_out: list[str] = []
     matlab = file.suffix.lower() == ".mat"
 
     def visit(name: str, node: Any) -> None:  # noqa: ANN401 - h5py ships no types
         if not isinstance(node, h5py.Dataset) or name.startswith("#refs#"):
+            return
+        if node.dtype.names and len(node.shape) == 1:  # rows of several numbers: a column each
+            for part in node.dtype.names:
+                whole = f"{name}.{part}"
+                left_out.extend(_no_columns(whole, node.dtype[part].kind, node.shape))
+                if node.dtype[part].kind in "biuf":
+                    found.append((ColumnInfo(name=whole, kind=ColumnKind.NUMBER, unit=unit_in_name(part)), name, part))
             return
         left_out.extend(_no_columns(name, node.dtype.kind, node.shape))
         if node.dtype.kind not in "biuf":
@@ -150,7 +158,10 @@ def open_hdf5(file: Path) -> ArrayTable:
             for name in names:
                 where, place = places[name]
                 node = opened[where]
-                part[name] = node[()].ravel() if place is None else node[place, :] if matlab else node[:, place]
+                if place is None:
+                    part[name] = node[()].ravel()
+                else:
+                    part[name] = node[place] if isinstance(place, str) else node[place, :] if matlab else node[:, place]
             yield part
 
     return _arrays(file, [info for info, _, _ in found], read, left_out)
@@ -283,13 +294,14 @@ def _arrow_values(column: Any) -> NDArray[Any]:  # noqa: ANN401 - pyarrow ships 
             column.cast(pa.timestamp("ns", tz=getattr(kind, "tz", None))).to_numpy(zero_copy_only=False)
         ).astype("datetime64[ns]")
     if pa.types.is_time(kind) or pa.types.is_duration(kind):
-        return np.asarray(column.cast(pa.int64()).to_numpy(zero_copy_only=False)).astype(
-            "timedelta64[" + kind.unit + "]"
-        )
+        spans = column.cast(pa.time64("ns") if pa.types.is_time(kind) else pa.duration("ns")).cast(pa.int64())
+        return np.asarray(spans.to_numpy(zero_copy_only=False)).astype("timedelta64[ns]")
     if pa.types.is_dictionary(kind):
         return _arrow_values(column.dictionary_decode())
     if pa.types.is_null(kind):
         return np.full(len(column), np.nan)
+    if pa.types.is_decimal(kind):
+        column = column.cast(pa.string())  # on the way through a text the nearest number comes out
     if (
         pa.types.is_integer(kind)
         or pa.types.is_floating(kind)
@@ -304,7 +316,7 @@ def _arrow_kind(kind: Any) -> ColumnKind:  # noqa: ANN401 - idem
     text = str(kind)
     if text.startswith(("timestamp", "date", "time", "duration")):
         return ColumnKind.TIME
-    return ColumnKind.TEXT if text.startswith(("string", "large_string", "binary", "dictionary")) else ColumnKind.NUMBER
+    return ColumnKind.TEXT if text.startswith(_TEXTS) else ColumnKind.NUMBER
 
 
 def _sheet_kind(cells: Sequence[Any]) -> ColumnKind:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 from collections.abc import Mapping as MappingType
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from itertools import chain
+from itertools import chain, pairwise
 from pathlib import Path
 from typing import Any
 
@@ -36,6 +36,7 @@ from dgu_sim.records import Sample
 MAPPING_ATTACHMENT = "mapping.yaml"
 REPORT_ATTACHMENT = "import.json"
 LONGEST_GAP_ROWS = 100  # a longer gap ends an experiment; a shorter one is NaN in it
+_MOST_BYTES = 16 * 1024 * 1024  # of one experiment, which is one message: its reader holds it several times
 _SHORTEST = 2  # samples of an experiment
 
 Progress = Callable[[str, int, int], None]
@@ -327,7 +328,7 @@ class _Job:
 
 
 def _experiments(blocks: Iterator[Samples], mapping: HistoryMapping) -> list[dict[str, NDArray[np.float64]]]:
-    """Tables of each stretch between long gaps; within it, what is missing is NaN."""
+    """Tables of each stretch between long gaps, or of what one message may hold; within it, what is missing is NaN."""
     distinct = {signals: array("d") for signals in mapping.tables.values()}  # outputs that are the states: once
     there: list[NDArray[np.bool_]] = []
     for block in blocks:
@@ -341,8 +342,12 @@ def _experiments(blocks: Iterator[Samples], mapping: HistoryMapping) -> list[dic
     tables = {name: _table(distinct[signals], rows, len(signals)) for name, signals in mapping.tables.items()}
     cuts = np.flatnonzero(np.diff(present) > LONGEST_GAP_ROWS) + 1
     spans = [(int(part[0]), int(part[-1]) + 1) for part in np.split(present, cuts)]
+    most = max(_MOST_BYTES // max(8 * sum(table.shape[1] for table in tables.values()), 1), _SHORTEST)
     return [
-        {name: table[start:end] for name, table in tables.items()} for start, end in spans if end - start >= _SHORTEST
+        {name: table[first:last] for name, table in tables.items()}
+        for start, end in spans
+        if end - start >= _SHORTEST
+        for first, last in pairwise(np.linspace(start, end, -(-(end - start) // most) + 1).round().astype(int).tolist())
     ]
 
 

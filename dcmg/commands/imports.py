@@ -126,6 +126,7 @@ def stream(
     mapping: MappingFile = None,
     link: Annotated[str | None, typer.Option(metavar="I-J", help="from the watched DGU to the receiving one")] = None,
     y: Y = None,
+    u: Annotated[list[str] | None, typer.Option(help="field of a known input of the sender; default: none")] = None,
     delivered: Annotated[str | None, typer.Option(metavar="FIELD", help="0 where the sample was lost")] = None,
     history: Annotated[
         Path | None, typer.Option(metavar="BAG", help="histories of the watched DGUs, copied into the bag")
@@ -153,13 +154,13 @@ def stream(
     """
     from bags.foreign.importing import import_streams  # noqa: PLC0415 (heavy)
 
-    entry = {"link": link, "y": y, "delivered": delivered}
+    entry = {"link": link, "y": y, "u": u, "delivered": delivered}
     changes = _changes(time=time, period=period, stamps=stamps, policy=policy, tolerance=tolerance, max_gap=max_gap)
     changes |= _given({"seed": seed})
     if attack is not None:
         link = link or _only_link(mapping)
         changes["attacks"] = [_ordered(attack, str(link), context.args, start, stop)]
-        entry = {} if mapping is not None and not (y or delivered) else entry
+        entry = {} if mapping is not None and not (y or u or delivered) else entry
     elif context.args:
         raise CommandError(
             f"{context.args[0]}: no such option or argument, expected --attack KIND before its parameters"

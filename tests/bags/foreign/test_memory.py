@@ -9,11 +9,14 @@ import numpy as np
 import pytest
 from rosbags.rosbag2 import StoragePlugin
 
-from bags.foreign import gridding, spill
+from bags.foreign import gridding, importing, spill
 from bags.foreign.gridding import put_on_grid
+from bags.foreign.importing import import_histories
 from bags.foreign.mapping import mapping_of
 from bags.foreign.recordings import read_recordings
 from bags.foreign.spill import SpilledRows
+from bags.watch.histories import read_histories
+from dcmg.measures.import_memory import import_memory
 
 T = 10_000_000
 FIELDS = [f"/{topic}.data[{number}]" for topic in "ab" for number in range(6)]
@@ -65,3 +68,28 @@ def test_rows_on_disk_are_those_that_were_appended(monkeypatch: pytest.MonkeyPat
     for indices in (np.arange(1000), np.arange(1000)[::-1], generator.permutation(1000), np.array([999, 0, 0, 500])):
         np.testing.assert_array_equal(rows[indices], there[indices])
     assert rows[np.empty(0, dtype=np.intp)].shape == (0, 3)
+
+
+def test_long_experiments_are_cut_where_a_message_would_be_too_large(
+    write_arrays: Callable[..., Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Every sample is there once, in order, and no piece is larger than a message may be."""
+    monkeypatch.setattr(importing, "_MOST_BYTES", 16 * 40)  # 40 rows of an output that is the state
+    rows = [[float(k)] for k in range(130)]
+    bag = write_arrays({"/a": ([k * T for k in range(130)], rows)}, name="long")
+    mapping = mapping_of({"histories": [{"dgu": 1, "y": ["/a.data[0]"]}]}, "test")
+    report = import_histories(bag, mapping, tmp_path / "out")
+    pieces = read_histories(tmp_path / "out", 1)
+    assert report.experiments == {1: 4}
+    assert [len(one.y) for one in pieces] == [32, 33, 33, 32]
+    np.testing.assert_array_equal(np.concatenate([one.y for one in pieces]), rows)
+
+
+def test_measurement_of_the_docs(tmp_path: Path) -> None:
+    """`dcmg measure import` imports what it has written, in three processes; at a small size."""
+    found = import_memory(tmp_path, (200, 3), 100, 300.0, lambda _: None)
+    assert found.passed
+    assert [one.command for one in found.imports] == ["inspect", "history", "stream"]
+    assert all(20 < one.peak_mb < 300 for one in found.imports)
+    (history,) = read_histories(tmp_path / "history", 1)
+    np.testing.assert_allclose(history.y[:, 2], 50 + np.arange(200) * 5 % 997 * 1e-3)

@@ -2,9 +2,12 @@
 
 import datetime as dt
 import math
+from decimal import Decimal
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -182,6 +185,43 @@ def test_tables_of_libraries(tmp_path: Path) -> None:
     (tmp_path / "lab.pkl").write_bytes(b"x")
     with pytest.raises(BagError, match="not supported: a pickle runs code"):
         open_table(tmp_path / "lab.pkl")
+
+
+def test_columns_of_parquet_and_records(tmp_path: Path) -> None:
+    """Times of every kind are instants, decimals numbers, lists and structures no numbers; records are columns."""
+    k = np.arange(20)
+    V = np.round(48 + np.sin(k), 6)
+    instants = {
+        "time32": pa.array((k * 10).astype(np.int32), pa.time32("ms")),
+        "time64": pa.array(k * 10_000, pa.time64("us")),
+        "duration": pa.array(k * 10, pa.duration("ms")),
+        "timestamp": pa.array(k * 10, pa.timestamp("ms", tz="Europe/Berlin")),
+    }
+    columns = {
+        **instants,
+        "V": pa.array([Decimal(str(one)) for one in V]),
+        "small": pa.array(V.astype(np.float16)),
+        "list": pa.array([[one] for one in V]),
+        "structure": pa.array([{"a": one} for one in V]),
+    }
+    pq.write_table(pa.table(columns), tmp_path / "lab.parquet")
+    table = open_table(tmp_path / "lab.parquet")
+    kinds = {one.name: one.kind for one in table.columns}
+    assert kinds == {
+        **dict.fromkeys(instants, ColumnKind.TIME),
+        **dict.fromkeys(("V", "small"), ColumnKind.NUMBER),
+        **dict.fromkeys(("list", "structure"), ColumnKind.TEXT),
+    }
+    found = read_columns(table, [*instants, "V"])
+    for name in instants:
+        assert found[name].tolist() == (k * 10_000_000).tolist(), name
+    np.testing.assert_array_equal(found["V"], V)
+    h5py = pytest.importorskip("h5py")
+    with h5py.File(tmp_path / "lab.h5", "w") as out:
+        out["run"] = np.array(list(zip(0.01 * k, V, strict=True)), dtype=[("t", "f8"), ("V [mV]", "f8")])
+    table = open_table(tmp_path / "lab.h5")
+    assert [(one.name, one.unit) for one in table.columns] == [("run.t", ""), ("run.V [mV]", "mV")]
+    np.testing.assert_array_equal(read_columns(table, ["run.V [mV]"])["run.V [mV]"], V)
 
 
 def test_household(tmp_path: Path) -> None:
