@@ -10,9 +10,11 @@ import sys
 from typing import TYPE_CHECKING, Any
 
 import pytest
+from rosbags.rosbag1 import Writer as Ros1Writer
 from rosbags.rosbag2 import CompressionFormat, CompressionMode, StoragePlugin, Writer
-from rosbags.typesys import get_types_from_msg
+from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from bags.mcap.repair import repair
 from bags.mcap.typestore import typestore
 from dcmg_nodes.foreign_types import differing_type
 
@@ -87,9 +89,10 @@ def _publish(dcmg: Callable[..., Any], domain: int, bag: Path, heard: str, *opti
 def test_messages_that_are_compressed_each_by_itself_arrive_as_they_were_sent(
     dcmg: Callable[..., Any], free_domain: int, tmp_path: Path
 ) -> None:
-    """Subscribers get what was recorded, not what the file made of it."""
+    """Subscribers get what was recorded, not what the file made of it; after a repair as well."""
     sent = _write(tmp_path / "bag", {"/a": KIND}, StoragePlugin.MCAP, CompressionMode.MESSAGE)
-    done, found = _publish(dcmg, free_domain, tmp_path / "bag", "/a")
+    repair(tmp_path / "bag", tmp_path / "repaired")
+    done, found = _publish(dcmg, free_domain, tmp_path / "repaired", "/a")
     assert done.code == 0, done.err
     assert found == sent
 
@@ -113,6 +116,21 @@ def test_what_can_be_published_is_and_the_rest_is_named(
     assert "--remap /a-b:=NEW" in document["left_out"]["/a-b"]
     assert "is not installed here" in document["left_out"]["/own"]
     assert f"left out, because it cannot be published: /a-b ({COUNT} messages), /own ({COUNT} messages)" in done.err
+
+
+def test_a_bag_of_which_nothing_can_be_published_ends_at_once(
+    dcmg: Callable[..., Any], free_domain: int, tmp_path: Path
+) -> None:
+    """Exit code 3 and the reason, though it is to be played for ever."""
+    path = tmp_path / "x.bag"
+    with Ros1Writer(path) as writer:
+        connection = writer.add_connection("/a", KIND, typestore=get_typestore(Stores.ROS1_NOETIC))
+        for number in range(COUNT):
+            writer.write(connection, number, bytes(24))
+    done = dcmg("replay", path, "--publish", "--loop", "--domain", free_domain)
+    assert done.code == 3
+    assert f"left out, because it cannot be published: /a ({COUNT} messages)" in done.err
+    assert "its messages are encoded as ros1" in done.err
 
 
 @pytest.mark.parametrize(
