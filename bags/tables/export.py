@@ -8,11 +8,12 @@ from pathlib import Path
 from typing import Any
 
 from bags.mcap.bag import Bag, open_bag
+from bags.mcap.definitions import Decoder
 from bags.mcap.errors import BagError
 from bags.sources.recorded import Known, Recorded, open_recorded
 from bags.sources.source import Channel
 from bags.tables.formulas import harmless
-from bags.tables.rows import flattener, is_known
+from bags.tables.rows import flattener, is_known, kinds
 from bags.tables.table_format import TableFormat
 from bags.tables.tabular import library, table_maker, tables, write_netcdf
 
@@ -135,8 +136,10 @@ def _export_recorded(path: Path, out: Path, form: TableFormat, known: Known | No
             for topic, count in counts.items()
             if count and recorded.unreadable(topic)
         }
-        several = [topic for topic in counts if topic not in unreadable and len(_shapes(recorded, topic)) > 1]
-        unreadable |= {topic: f"{counts[topic]} messages: of several definitions" for topic in several}
+        several = [topic for topic in counts if topic not in unreadable and not _is_one_table(recorded, topic)]
+        unreadable |= {
+            topic: f"{counts[topic]} messages: of several definitions, with other fields" for topic in several
+        }
         wanted = [topic for topic, count in counts.items() if count and topic not in unreadable]
         out.mkdir(parents=True, exist_ok=True)
         files = file_names(wanted, out, form)
@@ -155,12 +158,17 @@ def _export_recorded(path: Path, out: Path, form: TableFormat, known: Known | No
         )
 
 
-def _shapes(recorded: Recorded, topic: str) -> set[str]:
-    return {
-        repr(sorted(found.fields.items()))
-        for one in recorded.topics[topic]
-        if not isinstance(found := recorded.decoders[one], str)
-    }
+def _is_one_table(recorded: Recorded, topic: str) -> bool:
+    """Whether the definitions of a topic have the same columns, in whatever order."""
+    found = [one for channel in recorded.topics[topic] if not isinstance(one := recorded.decoders[channel], str)]
+    return all(_columns(one) == _columns(found[0]) for one in found)
+
+
+def _columns(decoder: Decoder) -> dict[str, tuple[str, ...]]:
+    """Columns by name; of messages inside sequences all fields in their order."""
+    found = kinds(decoder)
+    whole = (repr(sorted(decoder.fields.items())),)
+    return {name: whole if kind == ("struct",) else kind for name, kind in found.items()}
 
 
 class _Rows:
@@ -172,9 +180,8 @@ class _Rows:
         decoders = {
             one: found for one in recorded.topics[topic] if not isinstance(found := recorded.decoders[one], str)
         }
-        self._readers = {one: found.read for one, found in decoders.items()}
+        self._readers = {one: (found.read, flattener(found)) for one, found in decoders.items()}
         first = next(iter(decoders.values()))
-        self._flatten = flattener(first)
         self._make = table_maker(first, text_lists=form is TableFormat.CSV)
         self._rows: list[dict[str, Any]] = []
         self._writer: Any = None
@@ -188,10 +195,11 @@ class _Rows:
             BagError: It is none.
         """
         try:
-            message = self._readers[channel](data)
+            read, flatten = self._readers[channel]
+            row = flatten(read(data))
         except BagError as error:
             raise BagError(f"{self._recorded.path}: {self._topic}: {error}") from None
-        self._rows.append({"time_ns": time_ns, **self._flatten(message)})
+        self._rows.append({"time_ns": time_ns, **row})
         if len(self._rows) >= _ROWS:
             self.flush()
 

@@ -1,5 +1,6 @@
 """Recordings of every kind that rosbag2 writes, held against the library that wrote them, from one end to the other."""
 
+import csv
 import shutil
 from collections.abc import Sequence
 from pathlib import Path
@@ -25,6 +26,8 @@ from bags.mcap.check import check
 from bags.mcap.repair import repair
 from bags.runs.playback import Selection, open_playback
 from bags.sources.contents import contents
+from bags.tables.export import export
+from bags.tables.table_format import TableFormat
 from bags.watch.histories import read_histories
 
 KIND = "lab_msgs/msg/Meas"
@@ -75,12 +78,17 @@ def _imported(source: Path, out: Path) -> NDArray[np.float64]:
 
 
 def _holds(source: Path, folder: Path, rows: Sequence[tuple[float, float, str]], payloads: Sequence[bytes]) -> None:
-    """Import, info, inspect and replay find what was written."""
+    """Import, info, inspect, export and replay find what was written."""
     wanted = [[v, i, i, v, len(n)] for v, i, n in rows]
     np.testing.assert_array_equal(_imported(source, folder / "history"), wanted)
     assert [(one.name, one.count) for one in contents(source).topics] == [("/m", len(rows))]
     (topic,) = describe_source(source).topics
     assert (topic.messages, topic.unreadable) == (len(rows), "")
+    exported = export(source, folder / "tables", TableFormat.CSV)
+    with exported.files["/m"].open(newline="") as stream:
+        table = [[float(one[name]) for name in ("v", "i", "q[0]", "q[1]", "k")] for one in csv.DictReader(stream)]
+    np.testing.assert_array_equal(table, wanted)
+    assert not exported.unreadable
     played = [data for one in open_playback(source, Selection()).moments() for _, data in one.messages]
     assert played == list(payloads)
 
