@@ -86,7 +86,10 @@ def _holds(source: Path, folder: Path, rows: Sequence[tuple[float, float, str]],
     assert (topic.messages, topic.unreadable) == (len(rows), "")
     exported = export(source, folder / "tables", TableFormat.CSV)
     with exported.files["/m"].open(newline="") as stream:
-        table = [[float(one[name]) for name in ("v", "i", "q[0]", "q[1]", "k")] for one in csv.DictReader(stream)]
+        table = [
+            [float(one["v"]), np.float32(one["i"]), float(one["q[0]"]), float(one["q[1]"]), float(one["k"])]
+            for one in csv.DictReader(stream)
+        ]
     np.testing.assert_array_equal(table, wanted)
     assert not exported.unreadable
     played = [data for one in open_playback(source, Selection()).moments() for _, data in one.messages]
