@@ -5,6 +5,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, TypeAlias, cast
 
+import numpy as np
 from rosbags.interfaces import Nodetype
 
 from bags.mcap.errors import BagError
@@ -14,6 +15,7 @@ Definitions: TypeAlias = Mapping[str, Sequence[tuple[str, Any]]]
 
 _TOPIC = re.compile(r"/?[^\s.\[\]]+")
 _KEY = re.compile(r"\.([A-Za-z]\w*)|\[(\d+)\]")
+_WHOLE = 2.0**53  # whole numbers beyond it may have no double of their own
 _NUMBERS = frozenset(
     ["bool", "byte", "char", "octet", "float32", "float64"]
     + [f"{sign}int{bits}" for sign in ("", "u") for bits in (8, 16, 32, 64)]
@@ -87,7 +89,7 @@ class FieldPath:
         """The number in one message.
 
         Raises:
-            BagError: An array of varying length is too short in this message.
+            BagError: An array of varying length is too short in this message, or a whole number has no double.
         """
         found: Any = message
         for key in self.keys:
@@ -98,7 +100,10 @@ class FieldPath:
             else:
                 found = getattr(found, key)
         # rclpy gives single bytes as bytes objects
-        return float(found[0] if isinstance(found, bytes) else found)
+        number = float(found[0] if isinstance(found, bytes) else found)
+        if abs(number) >= _WHOLE and isinstance(found, (int, np.integer)) and int(found) != int(number):
+            raise BagError(f"field {self}: {found} has more digits than a double, expected a number up to 2**53")
+        return number
 
     def _inside(
         self,

@@ -1,8 +1,10 @@
 """Field paths, followed through the definitions that come with the data."""
 
+import math
 from types import SimpleNamespace
 from typing import Any
 
+import numpy as np
 import pytest
 
 from bags.foreign.fields import FieldPath, numeric_fields
@@ -63,6 +65,16 @@ def test_wrong_paths_say_what_is_there(definitions: dict[str, Any], text: str, w
     with pytest.raises(BagError, match=what) as error:
         FieldPath.parse(f"/p.{text}").check(TYPE, definitions)
     assert "\n" not in str(error.value)
+
+
+def test_whole_numbers_that_no_double_holds_are_refused() -> None:
+    """Neither as fields nor in arrays is a number read that was not written; infinite ones are none."""
+    path = FieldPath.parse("/a.n")
+    for number in (2**53, 2**60, -(2**62), np.int64(2**53), math.inf, 1e300):
+        assert path.read(SimpleNamespace(n=number)) == number
+    for odd in (2**53 + 1, np.int64(2**53 + 1), np.uint64(2**63 + 1), -(2**60) - 1):
+        with pytest.raises(BagError, match=r"has more digits than a double, expected a number up to 2\*\*53"):
+            path.read(SimpleNamespace(n=odd))
 
 
 def test_unknown_types_are_named(definitions: dict[str, Any]) -> None:
