@@ -19,7 +19,6 @@ from dgu_sim.unit import cell_of_all
 __all__ = ["Block", "Doubled", "Respond", "RunEvent", "relay_of", "simulate"]
 
 BLOCK_STEPS = 1000
-_WIDTH = 3  # components of an output
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -296,7 +295,7 @@ class _Wiring:
     ) -> Iterator[Doubled]:
         """Keep both messages of each spoofed link, and write the one that is taken into its row (3, runs, links)."""
         for position, sample in state.spoofed:
-            spoofed = np.stack(np.broadcast_arrays(*sample.y, received[0, :, position])[:_WIDTH], axis=-1)
+            spoofed = np.stack(np.broadcast_arrays(*sample.y, received[0, :, position])[:-1], axis=-1)
             arrived = np.broadcast_to(sample.delivered, spoofed.shape[:1]).copy()
             relayed = np.ascontiguousarray(received[:, :, position].T)
             yield Doubled(

@@ -21,7 +21,6 @@ from dgu_sim.scenario_file import embed_waveforms, parse_yaml
 from dgu_sim.settings import AttackSettings
 from monitor.settings import MonitorSettings
 
-_OUTPUTS = 3  # components of a received output
 _HOLD_PERIODS = 1.5
 
 

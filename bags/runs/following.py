@@ -8,13 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from bags.runs.ahead import ahead
-from bags.watch.combined import Watch
 from bags.watch.combined_arrays import CombinedFields
 from bags.watch.designs import RunDesigns
-from bags.watch.monitors import MonitorArrays
+from bags.watch.histories import recorded_states
+from bags.watch.monitors import MonitorArrays, link_monitors
+from bags.watch.watcher import Watcher
 from dgu_sim.linear import FloatArray
 from dgu_sim.scenario import Scenario
-from dgu_sim.simulate import Block, simulate
+from dgu_sim.simulate import BLOCK_STEPS, Block, simulate
 
 Recorded: TypeAlias = Mapping[int, Sequence[FloatArray]] | None
 
@@ -46,7 +47,7 @@ def follow(scenario: Scenario, designs: RunDesigns, recorded: Recorded, block_st
         monitor.errors.MonitorError: Unknown kind or option.
     """
     run = partial(simulate, scenario, block_steps=block_steps, recorded=recorded)
-    watch = Watch(designs=designs)
+    watch = Watcher(designs=designs)
     if designs.settings.response is not None:  # simulation and monitors go step by step together
         for block in run(respond=watch):
             yield Followed(block, *watch.take())
@@ -57,6 +58,27 @@ def follow(scenario: Scenario, designs: RunDesigns, recorded: Recorded, block_st
             spoofed.setdefault(one.step - block.first_step, []).append(one.position)
         alone = _Run(block.y[:, 0], block.reference[:, 0], block.received[:, 0], block.delivered[:, 0])
         yield Followed(block, *watch.follow(alone, spoofed))
+
+
+def follow_many(scenario: Scenario, seeds: Sequence[int], block_steps: int = BLOCK_STEPS) -> Iterator[Followed]:
+    """Let one run for each seed go on under the eyes of a monitor on each link, which alone is what is watched here.
+
+    The monitors of all runs learn from the histories of the scenario's own seed: the seeds are held out.
+
+    Args:
+        scenario: What to run.
+        seeds: Seeds of the runs; conclusions have the shape (steps, runs, links, ...).
+        block_steps: Steps in a block.
+
+    Raises:
+        BagError: A history cannot be read.
+        monitor.errors.MonitorError: Unknown observer or detector, or options of theirs.
+    """
+    monitors = link_monitors(scenario, len(seeds))
+    states = monitors.init()
+    for block in simulate(scenario, seeds, block_steps, recorded_states(scenario)):
+        states, links = monitors.run(states, block.received, block.delivered)
+        yield Followed(block, links, None)
 
 
 class _Run(NamedTuple):

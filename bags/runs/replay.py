@@ -16,8 +16,8 @@ from bags.runs.replay_settings import check_overrides, replayed_scenario
 from bags.runs.run_record import RunRecord
 from bags.runs.team_offline import TeamProgress, replayed_team, told_arrays
 from bags.watch.carried import Carried
-from bags.watch.combined import Watch
 from bags.watch.designs import design_run, said_of, team_told
+from bags.watch.watcher import Watcher
 from bags.wire.arrays import measured
 from bags.wire.convert import history_of
 from bags.wire.origin import MONITOR_ATTACHMENT, SCENARIO_ATTACHMENT
@@ -126,7 +126,7 @@ class _Prepared:
     """What a replay designs before its first step; `watch` takes the windows in order."""
 
     topics: RunTopics
-    watch: Watch
+    watch: Watcher
     spoofed: Spoofed
     designs: Mapping[Link, DesignRecord]
     input_designs: Mapping[Link, DesignRecord]
@@ -150,7 +150,7 @@ def _prepare(record: RunRecord, overrides: Sequence[str], *, redesign: bool) -> 
     carried = None if redesign else carried_by(record)
     with said_of(f"{record.path}/{SCENARIO_ATTACHMENT}", overrides):
         designs = design_run(topics, settings, histories, carried=carried, team=team)
-        watch = Watch(designs=designs)
+        watch = Watcher(designs=designs)
     records = [design for _, design in designs.messages()]
     estimators = len(record.links) if topics.has(Need.INPUTS) else 0
     progress = None

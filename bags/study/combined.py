@@ -5,13 +5,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from bags.watch.combined import Watch
 from bags.watch.designs import RunDesigns
 from bags.watch.monitors import MonitorArrays
+from bags.watch.watcher import Watcher
 from monitor.combined import DguOutput
 from monitor.detectors import Phase
-
-_WIDTH = 3
 
 
 class Signals(NamedTuple):
@@ -47,9 +45,9 @@ def conclude(designs: RunDesigns, signals: Signals) -> MonitorArrays:
     found = MonitorArrays(
         phase=np.full(shape, Phase.REFUSED.value, dtype=np.uint8),
         alarm=np.zeros(shape, dtype=np.bool_),
-        **{name: np.full((*shape, _WIDTH), np.nan) for name in ("estimate", "residual", "threshold")},
+        **{name: np.full(signals.received.shape, np.nan) for name in ("estimate", "residual", "threshold")},
     )
-    watch = Watch(designs=designs, runs=shape[1])
+    watch = Watcher(designs=designs, runs=shape[1])
     y_c, y = np.moveaxis(signals.received, -1, 1), np.moveaxis(signals.sent, -1, 1)  # (steps, 3, runs, places)
     for k in range(len(y)):
         lying = signals.lying[k].T

@@ -98,7 +98,6 @@ def evaluate(cell: StudyCell) -> pa.Table:
     base = cell.scenarios[NO_ATTACK]
     window = _window(tuple(cell.scenarios.values())[-1])
     runs = {attack: _simulated(scenario, cell.seeds) for attack, scenario in cell.scenarios.items()}
-    shape = (len(runs), len(cell.seeds), len(base.links))
     designs = [_designs(cell, base.model_copy(update={"seed": seed})) for seed in cell.seeds]
     lanes = [link for _ in runs for one in designs for link in one.links]
     watch = _watch_all if designs[0].settings.combined else _watch_links
@@ -108,35 +107,29 @@ def evaluate(cell: StudyCell) -> pa.Table:
             judged_by = [one.judged_by(detector.at(swept)) for one in designs]
             concluded = watch(tuple(runs.values()), judged_by)
             for position, (attack, one) in enumerate(runs.items()):
-                judged = _judge(one, _Part.of(concluded, shape, position), window, base.sampling_period_sec)
+                judged = _judge(one, _Part.of(concluded, position), window, base.sampling_period_sec)
                 point = {"detector": detector.name, "swept": swept, "attack": attack}
                 tables.append(_table(cell, point, one, judged, lanes))
     return pa.concat_tables(tables)
 
 
 def _watch_links(runs: Sequence[_Runs], designs: Sequence[RunDesigns]) -> MonitorArrays:
-    """Return what a monitor on each link concludes, shape (steps, lanes, ...)."""
+    """Return what a monitor on each link concludes, shape (steps, attacks, seeds, links, ...)."""
     lanes = [link for _ in runs for one in designs for link in one.links]
     monitors = RunMonitors(designs=tuple(lanes), groups=group_monitors(lanes, designs[0].detector))
-    received = np.stack([one.received for one in runs], axis=1)
-    delivered = np.stack([one.delivered for one in runs], axis=1)
-    steps = len(received)
-    _, concluded = monitors.run(monitors.init(), received.reshape(steps, -1, 3), delivered.reshape(steps, -1))
+    received, delivered = (np.stack([getattr(one, name) for one in runs], axis=1) for name in ("received", "delivered"))
+    _, concluded = monitors.run(monitors.init(), received, delivered)
     return concluded
 
 
 def _watch_all(runs: Sequence[_Runs], designs: Sequence[RunDesigns]) -> MonitorArrays:
-    """Return what the combined monitors conclude, shape (steps, lanes, ...)."""
+    """Return what the combined monitors conclude, shape (steps, attacks, seeds, links, ...)."""
     by_seed = []
     for position, one in enumerate(designs):
         signals = [np.stack([getattr(run, name)[:, position] for run in runs], axis=1) for name in Signals._fields]
         by_seed.append(conclude(one, Signals(*signals)))
-
-    def lanes_of(name: str) -> NDArray[Any]:
-        whole = np.stack([getattr(one, name) for one in by_seed], axis=2)  # (steps, attacks, seeds, links, ...)
-        return whole.reshape(len(whole), -1, *whole.shape[4:])
-
-    return MonitorArrays(**{name: lanes_of(name) for name in ("phase", "alarm", "estimate", "residual", "threshold")})
+    names = [one.name for one in fields(MonitorArrays)]
+    return MonitorArrays(**{name: np.stack([getattr(one, name) for one in by_seed], axis=2) for name in names})
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -154,15 +147,11 @@ class _Part:
     size: NDArray[np.float64]
 
     @classmethod
-    def of(cls, concluded: MonitorArrays, shape: tuple[int, int, int], position: int) -> "_Part":
+    def of(cls, concluded: MonitorArrays, position: int) -> "_Part":
         """Cut one scenario out of what was concluded on all lanes."""
-
-        def mine(array: NDArray[Any]) -> NDArray[Any]:
-            return array.reshape(len(array), *shape, *array.shape[2:])[:, position]
-
-        armed = np.asarray(mine(concluded.phase) == Phase.ARMED.value)
-        size = np.nan_to_num(np.abs(mine(concluded.residual))).max(axis=-1)
-        return cls(alarm=mine(concluded.alarm), armed=armed, size=np.where(armed, size, 0.0))
+        armed = np.asarray(concluded.phase[:, position] == Phase.ARMED.value)
+        size = np.nan_to_num(np.abs(concluded.residual[:, position])).max(axis=-1)
+        return cls(alarm=concluded.alarm[:, position], armed=armed, size=np.where(armed, size, 0.0))
 
 
 def _window(scenario: Scenario) -> tuple[int, int]:

@@ -5,7 +5,7 @@ shape with arrays over links: the same multiply-adds in the same order, so the s
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -48,6 +48,11 @@ class MonitorArrays:
     residual: NDArray[np.float64]
     threshold: NDArray[np.float64]
 
+    def lanes(self, shape: tuple[int, ...]) -> "MonitorArrays":
+        """The same with other axes in place of "links"."""
+        each = {one.name: getattr(self, one.name) for one in fields(self)}
+        return MonitorArrays(**{name: one.reshape(len(one), *shape, *one.shape[2:]) for name, one in each.items()})
+
     def at(self, row: int, link: int) -> MonitorOutput:
         """What one monitor concluded at one step, as numbers."""
         return MonitorOutput(
@@ -88,12 +93,15 @@ class RunMonitors:
 
         Args:
             states: State of each group.
-            received: Shape (steps, links, p).
+            received: Shape (steps, links, p), or with more axes in place of "links": runs, attacks; so are conclusions.
             delivered: Shape (steps, links).
             u: Known inputs that travel with the outputs, shape (steps, links, m); None: none do.
         """
-        shape, outputs = delivered.shape, received.shape[-1]
-        inputs = np.empty((*shape, 0)) if u is None else u
+        lanes, outputs = delivered.shape[1:], received.shape[-1]
+        delivered = delivered.reshape(len(delivered), -1)
+        shape = delivered.shape
+        received = received.reshape(*shape, outputs)
+        inputs = np.empty((*shape, 0)) if u is None else u.reshape(*shape, u.shape[-1])
         arrays = MonitorArrays(
             phase=np.full(shape, Phase.REFUSED.value, dtype=np.uint8),
             alarm=np.zeros(shape, dtype=np.bool_),
@@ -105,7 +113,7 @@ class RunMonitors:
             _run_group(group, state, (inputs, received), delivered, arrays)
             for group, state in zip(self.groups, states, strict=True)
         ]
-        return tuple(following), arrays
+        return tuple(following), arrays.lanes(lanes)
 
 
 def monitors_of(designs: RunDesigns, runs: int = 1) -> RunMonitors:

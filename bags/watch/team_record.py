@@ -12,7 +12,6 @@ from monitor.link_monitor import MonitorOutput
 from monitor.measures import changed
 from monitor.team import MemberOutput, MemberPhase
 
-_WIDTH = 3
 _VECTORS = ("estimate", "disagreement", "threshold")
 
 
@@ -40,7 +39,7 @@ class TeamArrays:
     def empty(cls, topics: RunTopics, steps: int) -> "TeamArrays":
         """Arrays to be filled."""
         team = len(topics.dgus)
-        vectors = {name: np.full((steps, team, _WIDTH * team), np.nan) for name in _VECTORS}
+        vectors = {name: np.full((steps, team, topics.widths.states * team), np.nan) for name in _VECTORS}
         return cls(
             inputs=np.full((steps, len(topics.announcing), 2), np.nan),
             phase=np.zeros((steps, team), dtype=np.uint8),
@@ -81,7 +80,8 @@ class TeamRecord:
 
 def accusation(output: MemberOutput, accused: int) -> MonitorOutput:
     """A member's verdict on another, by its position, as an alarm tells it."""
-    part = slice(_WIDTH * accused, _WIDTH * (accused + 1))
+    width = len(output.disagreement) // len(output.alarm)
+    part = slice(width * accused, width * (accused + 1))
     return MonitorOutput(
         phase=output.phase,
         alarm=output.alarm[accused],

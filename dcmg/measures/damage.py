@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from bags.runs.watching import watch
+from bags.runs.following import follow_many
 from bags.watch.scenarios import load_scenario
 from dcmg.papers.check import Check
 from dcmg.shipped import scenario_path
@@ -72,7 +72,7 @@ def _shown(seed: int, name: str, responses: Responses, damage: Damage) -> Shown:
     duration = f"duration_sec={START_SEC + responses.horizon_sec}"
     overrides = (duration, f"seed={seed}", f"attacks={stealthy_attacks(damage, START_SEC)}")
     attacked, calm = load_scenario(path, overrides), load_scenario(path, (*overrides, "attacks=[]"))
-    (bad,), (good,) = (watch(one, [seed], one.steps) for one in (attacked, calm))
+    (bad,), (good,) = (follow_many(one, [seed], one.steps) for one in (attacked, calm))
     rated = np.array([dgu.rated_current_a for dgu in attacked.dgus])
     moved = bad.block.x[:, 0] - good.block.x[:, 0]
     mean, spread = moved[:, :, 0].mean(axis=1), np.ptp(moved[:, :, 1] / rated, axis=1)
@@ -82,8 +82,8 @@ def _shown(seed: int, name: str, responses: Responses, damage: Damage) -> Shown:
         damage=damage,
         overrides=overrides,
         value=float(abs(mean[-1]) if damage.goal is Goal.MEAN_VOLTAGE else spread[-1]),
-        residual=float(np.abs(bad.residual[start:] - good.residual[start:]).max()),
-        alarms=int((bad.alarm[start:] & ~good.alarm[start:]).sum()),
+        residual=float(np.abs(bad.links.residual[start:] - good.links.residual[start:]).max()),
+        alarms=int((bad.links.alarm[start:] & ~good.links.alarm[start:]).sum()),
         mean_voltage=mean,
         spread=spread,
     )

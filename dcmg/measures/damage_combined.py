@@ -25,7 +25,7 @@ SHARES = (1.0, 0.5, 0.2, 0.1, 0.05)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class Watched:
+class WatchedDamage:
     """The worst attack within a share of the monitors' ranges, watched by them.
 
     Attributes:
@@ -43,7 +43,7 @@ class Watched:
     links: int
 
 
-def run(seed: int, shares: Sequence[float] = SHARES, horizon_sec: float = HORIZON_SEC) -> list[Watched]:
+def run(seed: int, shares: Sequence[float] = SHARES, horizon_sec: float = HORIZON_SEC) -> list[WatchedDamage]:
     """Let the combined monitor watch the worst attacks of both goals within shares of its ranges."""
     path = scenario_path("gallo_six_dgu_combined")
     responses = responses_of(load_scenario(path, [f"seed={seed}"]), START_SEC, horizon_sec, RISE_SEC)
@@ -60,11 +60,11 @@ def run(seed: int, shares: Sequence[float] = SHARES, horizon_sec: float = HORIZO
         scenario = load_scenario(path, [f"seed={seed}", f"duration_sec={START_SEC + horizon_sec}", attacks])
         accused = compare_response(scenario).accused
         first = accused[0].step * scenario.sampling_period_sec - START_SEC if accused else np.nan
-        found.append(Watched(goal=goal, share=share, value=damage.value, accused_sec=first, links=len(accused)))
+        found.append(WatchedDamage(goal=goal, share=share, value=damage.value, accused_sec=first, links=len(accused)))
     return found
 
 
-def checks(watched: Sequence[Watched]) -> list[Check]:
+def checks(watched: Sequence[WatchedDamage]) -> list[Check]:
     """The whole ranges are noticed, and the smallest share is not."""
     found = []
     for goal in Goal:
@@ -78,7 +78,7 @@ def checks(watched: Sequence[Watched]) -> list[Check]:
     return found
 
 
-def notes(watched: Sequence[Watched]) -> list[str]:
+def notes(watched: Sequence[WatchedDamage]) -> list[str]:
     """Damage and first accusation of each attack."""
     head = "| goal | share of the ranges | damage if nobody acts | first accusation | links accused |"
     lines = [head, "|---|---|---|---|---|"]
@@ -89,7 +89,7 @@ def notes(watched: Sequence[Watched]) -> list[str]:
     return lines
 
 
-def plot(watched: Sequence[Watched], out_dir: Path) -> list[Path]:
+def plot(watched: Sequence[WatchedDamage], out_dir: Path) -> list[Path]:
     """Draw how long each attack stays unnoticed."""
     out_dir.mkdir(parents=True, exist_ok=True)
     figure = Figure(figsize=(6, 3.5), layout="constrained")

@@ -9,7 +9,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from scipy.stats import t as student_t
 
-from bags.runs.watching import watch
+from bags.runs.following import follow_many
 from bags.watch.scenarios import load_scenario
 from dcmg.papers.check import Check
 from dcmg.shipped import scenario_path
@@ -78,9 +78,9 @@ def case_of(detector: str, scenario: Scenario, noise: str, seeds: Sequence[int])
     first = {link.source: place for place, link in reversed(list(enumerate(scenario.links)))}
     links = sorted(first.values())
     armed, alarms = np.zeros(len(seeds), dtype=np.int64), np.zeros(len(seeds), dtype=np.int64)
-    for watched in watch(scenario, seeds):
-        armed += (watched.phase[:, :, links] == Phase.ARMED).sum(axis=(0, 2))
-        alarms += watched.alarm[:, :, links].sum(axis=(0, 2))
+    for watched in follow_many(scenario, seeds):
+        armed += (watched.links.phase[:, :, links] == Phase.ARMED).sum(axis=(0, 2))
+        alarms += watched.links.alarm[:, :, links].sum(axis=(0, 2))
     return Case(
         detector=detector,
         coupling=str(scenario.coupling),
@@ -104,8 +104,8 @@ def coupling_floor(scenario: Scenario) -> list[float]:
     def residual(*changes: str) -> NDArray[np.float64]:
         path = scenario_path("gallo_six_dgu")
         run = load_scenario(path, [*steady, f"coupling={scenario.coupling}", "attacks=[]", *quiet, *changes])
-        (watched,) = watch(run, [run.seed], run.steps)
-        return watched.residual[:, 0]
+        (watched,) = follow_many(run, [run.seed], run.steps)
+        return watched.links.residual[:, 0]
 
     calm = residual()
     floor = np.nanmax(np.abs(calm[50:]), axis=0)

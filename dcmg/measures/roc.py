@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from matplotlib.figure import Figure
 
-from bags.runs.watching import watch
+from bags.runs.following import follow_many
 from bags.watch.scenarios import load_scenario
 from dcmg.papers.check import Check
 from dcmg.shipped import scenario_path
@@ -77,7 +77,7 @@ def run(seed: int, runs: int = 100, sizes: Sequence[float] = SIZES) -> list[Roc]
         scenario = load_scenario(
             scenario_path("gallo_six_dgu_joint"), [*changes, f"attacks=[{attack}]", duration, f"seed={seed}"]
         )
-        parts = [part.residual for part in watch(scenario, range(seed + 1, seed + 1 + runs))]
+        parts = [part.links.residual for part in follow_many(scenario, range(seed + 1, seed + 1 + runs))]
         residual = np.abs(np.concatenate(parts))
         for source in scenario.grid.dgus:
             place = next(p for p, link in enumerate(scenario.links) if link.source == source)

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from monitor.observers import Observer
 
 
-class Watched(Protocol):
+class Judgeable(Protocol):
     """What a detector sees of a method, one sample at a time."""
 
     def init(self, y: Sequence[Component]) -> Vector:
@@ -40,7 +40,7 @@ class Designed:
         verdict: of the design.
     """
 
-    watched: Watched | None
+    watched: Judgeable | None
     lag: int
     blind: bool
     verdict: str

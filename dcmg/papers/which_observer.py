@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from dcmg.papers.check import Check
 from dcmg.papers.turan_2021 import DGUS, T_S
-from dcmg.papers.which_methods import METHODS, Method, Watched
+from dcmg.papers.which_methods import METHODS, Judgeable, Method
 from dcmg.papers.which_team import floats_heard, record_residuals, step_time_us, team_on_grid
 from dgu_sim.matrices import continuous, discretise
 from monitor.errors import MonitorError
@@ -233,7 +233,7 @@ def _fewest(method: Method, x: NDArray[np.float64], d: NDArray[np.float64]) -> i
     return 0
 
 
-def _run(watched: Watched, state: Vector, y: NDArray[np.float64]) -> tuple[Vector, NDArray[np.float64]]:
+def _run(watched: Judgeable, state: Vector, y: NDArray[np.float64]) -> tuple[Vector, NDArray[np.float64]]:
     """Take the samples (steps, p, runs); the state and what is watched, (steps, components, runs)."""
     found = []
     for sample in y:
@@ -254,7 +254,7 @@ def _detect(quiet: NDArray[np.float64], attacked: NDArray[np.float64]) -> tuple[
     return tuple(medians)
 
 
-def _time_of_step(watched: Watched, y: NDArray[np.float64]) -> float:
+def _time_of_step(watched: Judgeable, y: NDArray[np.float64]) -> float:
     """Best of five mean times of a step in Python floats [us]."""
     samples = [tuple(float(one) for one in row) for row in y[:TIMED_STEPS]]
     best = np.inf

@@ -22,10 +22,11 @@ _REFERENCE = 1  # component of an unknown input
 
 
 class Received(NamedTuple):
-    """One sample from one neighbour: y in V, A, V s, and whether the link delivered it."""
+    """One sample from one neighbour: y in V, A, V s, whether the link delivered it, and the known inputs with it."""
 
     y: Sequence[Component]
     delivered: Flag
+    u: Sequence[Component] = ()
 
 
 class Own(NamedTuple):
@@ -104,7 +105,7 @@ class DguMonitor:
             stream: what the guards of the streams say about each link; none: nothing.
         """
         links = [
-            one.step(was, sample.y, sample.delivered)
+            one.step(was, sample.y, sample.delivered, sample.u)
             for one, was, sample in zip(self.links, state.links, received, strict=True)
         ]
         voltages = state.voltages if own is None else (own.y[0], *state.voltages[:-1])

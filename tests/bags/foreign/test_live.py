@@ -11,7 +11,7 @@ from bags.foreign.importing import import_histories, import_streams
 from bags.foreign.live import Early, LiveState, live_sampling
 from bags.foreign.mapping import Mapping, mapping_of
 from bags.foreign.sampling import Row
-from bags.foreign.watching import stream_monitors
+from bags.foreign.stream_monitors import stream_monitors
 from bags.mcap.errors import BagError
 from bags.runs.reader import read_run
 from bags.runs.replay import replay

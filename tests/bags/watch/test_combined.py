@@ -13,10 +13,10 @@ from bags.runs.offline import simulate_to_bag
 from bags.runs.reader import read_run
 from bags.runs.replay import replay, replay_windows
 from bags.runs.run_record import RunRecord
-from bags.watch.combined import Watch
 from bags.watch.combined_arrays import CombinedArrays
 from bags.watch.designs import design_scenario
 from bags.watch.scenarios import load_scenario
+from bags.watch.watcher import Watcher
 from bags.wire.schema import topics_of
 from dgu_sim.errors import ScenarioError
 from dgu_sim.grid import Link
@@ -45,7 +45,7 @@ def _attack(attack: str) -> str:
 def _run(scenario: Scenario, *, respond: bool = True) -> tuple[Block, CombinedArrays]:
     """One run with its monitors."""
     topics = topics_of(scenario)
-    watch = Watch(designs=design_scenario(scenario))
+    watch = Watcher(designs=design_scenario(scenario))
     (block,) = simulate(scenario, block_steps=scenario.steps, respond=watch if respond else None)
     said = watch.take()
     if not respond:
@@ -53,6 +53,7 @@ def _run(scenario: Scenario, *, respond: bool = True) -> tuple[Block, CombinedAr
             y=block.y[:, 0],
             reference=block.reference[:, 0],
             received=block.received[:, 0],
+            u=None,
             delivered=block.delivered[:, 0],
         )
         said = watch.follow(seen, {})
@@ -240,9 +241,9 @@ def test_runs_side_by_side_are_each_run_alone() -> None:
     scenario = _scenario(noise, "duration_sec=3.2", _attack("kind: bias, link: 1-2, bias: [0.0, 2.0, 0.0]"))
     designs = design_scenario(scenario)
     seeds = (4, 5)
-    (together,) = simulate(scenario, seeds, scenario.steps, respond=Watch(designs=designs, runs=2))
+    (together,) = simulate(scenario, seeds, scenario.steps, respond=Watcher(designs=designs, runs=2))
     for run, seed in enumerate(seeds):
-        (alone,) = simulate(scenario, (seed,), scenario.steps, respond=Watch(designs=designs))
+        (alone,) = simulate(scenario, (seed,), scenario.steps, respond=Watcher(designs=designs))
         np.testing.assert_array_equal(together.x[:, run], alone.x[:, 0])
 
 

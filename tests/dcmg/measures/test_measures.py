@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from typer.testing import CliRunner
 
-from bags.runs.watching import watch
+from bags.runs.following import follow_many
 from bags.watch.monitors import link_monitors
 from bags.watch.scenarios import load_scenario
 from dcmg.commands.measure import MEASURES, app
@@ -28,12 +28,12 @@ def test_many_runs_at_once_are_each_run_alone() -> None:
     scenario = load_scenario(
         scenario_path("gallo_six_dgu"), [f"noise={false_alarms.NOISE['student']}", "duration_sec=4"]
     )
-    parts = list(watch(scenario, (3, 8), 150))
+    parts = list(follow_many(scenario, (3, 8), 150))
     monitors = link_monitors(scenario)
     (block,) = simulate(scenario, (8,), scenario.steps)
     _, alone = monitors.run(monitors.init(), block.received[:, 0], block.delivered[:, 0])
     for name in ("residual", "threshold", "alarm", "phase"):
-        together = np.concatenate([getattr(part, name) for part in parts])[:, 1]
+        together = np.concatenate([getattr(part.links, name) for part in parts])[:, 1]
         np.testing.assert_array_equal(together, getattr(alone, name))
 
 

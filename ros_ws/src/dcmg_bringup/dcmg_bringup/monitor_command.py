@@ -38,7 +38,7 @@ def monitor(
     /diagnostics. No simulator, clock or tick of ours is needed; ROS variables of the environment apply.
     """
     from bags.foreign.mapping import load_mapping  # noqa: PLC0415 (heavy)
-    from bags.foreign.watching import stream_monitors  # noqa: PLC0415 (heavy)
+    from bags.foreign.stream_monitors import stream_monitors  # noqa: PLC0415 (heavy)
 
     found_domain = checked_domain(domain)
     found = load_mapping(mapping)

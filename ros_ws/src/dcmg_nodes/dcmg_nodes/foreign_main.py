@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from pathlib import Path
 
     from bags.foreign.mapping import Mapping as ForeignMapping
-    from bags.foreign.watching import StreamMonitors
+    from bags.foreign.stream_monitors import StreamMonitors
 
 _SIGNAL_CHECK_SEC = 0.1
 

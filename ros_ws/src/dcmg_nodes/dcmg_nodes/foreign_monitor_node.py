@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
     from bags.foreign.mapping import Mapping
     from bags.foreign.sampling import Row
-    from bags.foreign.watching import StreamMonitors
+    from bags.foreign.stream_monitors import StreamMonitors
     from bags.mcap.topic import Topic
     from bags.mcap.writer import BagWriter
     from dcmg_nodes.lifetime import Lifetime

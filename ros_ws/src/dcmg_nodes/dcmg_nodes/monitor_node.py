@@ -89,7 +89,7 @@ class MonitorNode:
         samples = [codec.decode(data)[1] for codec, data in zip(self._received, received, strict=True)]
         outputs = self._side.step(
             self._step,
-            [Received(tuple(sample.y), sample.delivered) for sample in samples],
+            [Received(tuple(sample.y), sample.delivered, tuple(sample.u)) for sample in samples],
             None if self._side.own is None else tokens[-1][0],
             self._streams.faults,
         )

@@ -3,6 +3,7 @@
 from collections.abc import Mapping as MappingType
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import islice
 from math import isfinite, nan
 from pathlib import Path
 from typing import NamedTuple
@@ -19,9 +20,10 @@ from bags.wire.row import Widths
 from bags.wire.schema import RunTopics, run_topics
 from dgu_sim.grid import Link
 from dgu_sim.records import Sample
+from monitor.combined import DguMonitor, DguState, Received
 from monitor.history import History
 from monitor.linear import Component
-from monitor.link_monitor import LinkMonitor, MonitorOutput, MonitorState
+from monitor.link_monitor import MonitorOutput
 from monitor.settings import MonitorSettings
 
 _SAME_PERIOD = 1e-3  # relative
@@ -86,7 +88,7 @@ class StreamMonitors:
         topics: Links and T_s.
         fields: Fields of each track, by its topic, in the order of a row.
         readers: Take samples out of rows.
-        monitors: Take samples.
+        monitors: Take the samples of the links into one DGU each.
         designs: What was designed.
         histories: From what.
     """
@@ -94,26 +96,30 @@ class StreamMonitors:
     topics: RunTopics
     fields: MappingType[str, tuple[FieldPath, ...]]
     readers: tuple[StreamReader, ...]
-    monitors: tuple[LinkMonitor, ...]
+    monitors: tuple[DguMonitor, ...]
     designs: tuple[DesignRecord, ...]
     histories: tuple[HistoryRecord, ...]
 
-    def init(self) -> tuple[MonitorState, ...]:
+    def init(self) -> tuple[DguState, ...]:
         """State before the first row."""
         return tuple(monitor.init() for monitor in self.monitors)
 
     def step(
-        self, states: Sequence[MonitorState], row: Row
-    ) -> tuple[tuple[MonitorState, ...], list[tuple[Sample, MonitorOutput]]]:
+        self, states: Sequence[DguState], row: Row
+    ) -> tuple[tuple[DguState, ...], list[tuple[Sample, MonitorOutput]]]:
         """Take one row: what each link received, and what its monitor concludes."""
-        following: list[MonitorState] = []
-        found: list[tuple[Sample, MonitorOutput]] = []
-        for reader, monitor, state in zip(self.readers, self.monitors, states, strict=True):
-            sample = reader.sample(row)
-            after, output = monitor.step(state, tuple(sample.y), sample.delivered, tuple(sample.u))
-            following.append(after)
-            found.append((sample, output._replace(estimate=padded(tuple(output.estimate), self.topics.widths.states))))
-        return tuple(following), found
+        samples = [reader.sample(row) for reader in self.readers]
+        received = iter([Received(tuple(one.y), one.delivered, tuple(one.u)) for one in samples])
+        stepped = [
+            monitor.step(state, list(islice(received, len(monitor.links))))
+            for monitor, state in zip(self.monitors, states, strict=True)
+        ]
+        outputs = [
+            one._replace(estimate=padded(tuple(one.estimate), self.topics.widths.states))
+            for _, said in stepped
+            for one in said.links
+        ]
+        return tuple(state for state, _ in stepped), list(zip(samples, outputs, strict=True))
 
     def not_finite(self, row: Row) -> list[FieldPath]:
         """The fields that came with a row, and are no finite numbers."""
@@ -159,7 +165,7 @@ def stream_monitors(mapping: Mapping, source: str, history: Path) -> StreamMonit
         topics=topics,
         fields=fields,
         readers=tuple(_reader(streams[link], fields, widths) for link in topics.links),
-        monitors=tuple(link for monitor in monitors for link in monitor.links),
+        monitors=monitors,
         designs=tuple(record for _, record in designs.messages()),
         histories=tuple(record for found in records.values() for record in found),
     )

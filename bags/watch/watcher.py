@@ -58,7 +58,7 @@ class Seen(Protocol):
 
 
 @dataclass(slots=True, kw_only=True)
-class Watch:
+class Watcher:
     """All monitors of a run while it goes on: a `dgu_sim.simulate.Respond` that remembers what they said.
 
     Attributes:
@@ -113,17 +113,29 @@ class Watch:
         received: NDArray[np.float64],
         delivered: NDArray[np.bool_],
         lying: Sequence[Flag],
+        *,
+        u: NDArray[np.float64] | None = None,
     ) -> list[DguOutput]:
-        """What each monitor says to one step; as `__call__`, but for what the guards say about each link's stream."""
+        """What each monitor says to one step.
+
+        Args:
+            sent: As in `__call__`, and so are `reference`, `received` and `delivered`.
+            reference: See there.
+            received: See there.
+            delivered: See there.
+            lying: What the guards say about the stream of each link.
+            u: Known inputs that travelled with `received`, shape (m, runs, links); None: none did.
+        """
         alone = self.runs == 1
         y, own_y = _vectors(received, alone=alone), _vectors(sent, alone=alone)
         references: Sequence[Component] = reference[0].tolist() if alone else list(reference.T)
         arrived: Sequence[Flag] = delivered[0].tolist() if alone else list(delivered.T)
+        inputs: Sequence[Sequence[Component]] = [()] * len(y) if u is None else _vectors(u, alone=alone)
         outputs = []
         for number, (monitor, incoming, own) in enumerate(zip(self._monitors, self._incoming, self._own, strict=True)):
             self._states[number], output = monitor.step(
                 self._states[number],
-                [Received(y[at], arrived[at]) for at in incoming],
+                [Received(y[at], arrived[at], inputs[at]) for at in incoming],
                 Own(own_y[own], references[own]),
                 [lying[at] for at in incoming],
             )
@@ -142,14 +154,16 @@ class Watch:
             return Conclusions(links=links, combined=None)
         for row in range(len(seen.delivered)):
             y, y_c = seen.y[row].T[:, None], seen.received[row].T[:, None]
-            self(y, seen.reference[row][None], y_c, seen.delivered[row][None], spoofed.get(row, ()))
+            u, arrived = None if seen.u is None else seen.u[row].T[:, None], seen.delivered[row][None]
+            lying = [at in spoofed.get(row, ()) for at in range(arrived.shape[1])]
+            self._rows.append(self.step(y, seen.reference[row][None], y_c, arrived, lying, u=u))
         return self.take()
 
     def take(self) -> Conclusions:
         """What was said since the last call, of one run."""
         rows, self._rows = self._rows, []
         combined = self.designs.topics.combined
-        assert combined is not None  # noqa: S101 - whoever makes a Watch has seen to it
+        assert combined is not None  # noqa: S101 - whoever makes a Watcher has seen to it
         lags = [one.lag for monitor in self._monitors for one in monitor.inputs]
         return Conclusions(
             links=_links(rows, len(self.designs.topics.links), self.designs.topics.widths),
