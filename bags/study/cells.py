@@ -9,15 +9,16 @@ from pathlib import Path
 import yaml
 from pydantic import ValidationError
 
-from bags.study.designs import BASELINES
+from bags.study.designs import BASELINES, designs_of
 from bags.study.errors import StudyError
 from bags.study.settings import NO_ATTACK, Study, StudyDetector, StudyObserver
 from bags.watch.scenarios import load_scenario
+from bags.wire.schema import topics_of
 from dgu_sim.errors import ScenarioError
 from dgu_sim.explain import explain
 from dgu_sim.scenario import Scenario
 from monitor import observers
-from monitor.errors import MonitorError
+from monitor.errors import HistoryError, MonitorError, OptionError
 from monitor.settings import DetectorSettings
 
 _FORMAT = 1  # of the rows; another one makes kept cells worthless
@@ -94,6 +95,8 @@ def cells_of(study: Study, source: str, scenario_path: Callable[[str], Path]) ->
             for observer in study.observers
         ]
         _check_detectors(study, base, source)
+        if not position:
+            _check_observers(study, base, source)
     return tuple(cells)
 
 
@@ -128,6 +131,19 @@ def _check_kinds(study: Study, source: str) -> None:
         if told.combined and one.kind in BASELINES:
             raise StudyError(f"{source}: observers.{position}.kind = {one.kind!r}: baselines have no further tests")
         _check_start(study, told.calibrated_sec, f"{source}: observers.{position}: learns")
+
+
+def _check_observers(study: Study, base: Scenario, source: str) -> None:
+    """Refuse options that no design takes, by designing once what one DGU runs."""
+    for position, one in enumerate(study.observers):
+        try:
+            designs_of(one, base, topics_of(base).monitors[:1])
+        except OptionError as error:
+            key = ".".join(error.key[1:] if error.key[0] == "observer" else error.key)
+            found = "" if error.value is None else f" = {error.value!r}"
+            raise StudyError(f"{source}: observers.{position}.{key}{found}: {error.expected}") from error
+        except HistoryError:
+            continue  # no fault of the options: the cell says what becomes of it
 
 
 def _check_detectors(study: Study, base: Scenario, source: str) -> None:

@@ -1,12 +1,17 @@
 """The observer of every link in a study: from a history, or, for comparison, from the true matrices."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
-from bags.watch.designs import LinkMethod
+from bags.study.settings import StudyObserver
+from bags.watch.designs import LinkMethod, RunDesigns, design_run
+from bags.watch.histories import histories_of_run
+from bags.wire.convert import history_of
+from bags.wire.schema import parts_of, topics_of
 from dgu_sim.matrices import continuous, discretise
 from dgu_sim.plant import Coupling
 from dgu_sim.scenario import Scenario
@@ -15,7 +20,8 @@ from monitor.errors import MonitorError
 from monitor.history import History, sent_outputs
 from monitor.link_design import LinkDesign
 from monitor.observers import Observer
-from monitor.options import STRICT, parse_options
+from monitor.options import STRICT, parse_options, within
+from monitor.settings import DetectorSettings
 
 _UNKNOWN_INPUTS = 2  # d of T (17)
 
@@ -50,6 +56,25 @@ def method_of(kind: str, options: Mapping[str, object], scenario: Scenario) -> L
         return LinkDesign(kind=kind, observer=observer, channels=channels, verdict="accepted: baseline")
 
     return design
+
+
+def designs_of(observer: StudyObserver, scenario: Scenario, monitors: Sequence[int] | None = None) -> RunDesigns:
+    """Return what is designed for the runs of a scenario's seed, which has histories of its own.
+
+    Args:
+        observer: How.
+        scenario: With what seed, on what grid.
+        monitors: The DGUs whose monitors are wanted; None: all.
+
+    Raises:
+        monitor.errors.OptionError: An option does not fit; its key is one of the study's observer.
+    """
+    settings = observer.settings(DetectorSettings())
+    topics = replace(topics_of(scenario), has_team=False, parts=parts_of(settings))
+    histories = {dgu: history_of(histories_of_run(scenario, dgu)) for dgu in topics.dgus}
+    with within("observer"):
+        method = method_of(observer.kind, observer.options, scenario)
+    return design_run(topics, settings, histories, method=method, monitors=monitors)
 
 
 def _model_based(

@@ -5,7 +5,7 @@ detector's multiply-adds serves them all: the same code, and so the same bits, a
 """
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, fields
 from typing import Any
 
 import numpy as np
@@ -14,19 +14,15 @@ from numpy.typing import NDArray
 
 from bags.study.cells import StudyCell
 from bags.study.combined import Signals, conclude
-from bags.study.designs import method_of
+from bags.study.designs import designs_of
 from bags.study.settings import NO_ATTACK
-from bags.watch.designs import RunDesigns, design_run
-from bags.watch.histories import histories_of_run
+from bags.watch.designs import RunDesigns
 from bags.watch.monitors import MonitorArrays, RunMonitors, group_monitors
-from bags.wire.convert import history_of
-from bags.wire.schema import parts_of, topics_of
 from dgu_sim.scenario import Scenario
 from dgu_sim.simulate import simulate
 from monitor.detectors import Phase
 from monitor.link_design import LinkDesign
 from monitor.measures import GridImpact, grid_impact, onsets
-from monitor.settings import DetectorSettings
 
 SCHEMA = pa.schema(
     [
@@ -98,7 +94,7 @@ def evaluate(cell: StudyCell) -> pa.Table:
     base = cell.scenarios[NO_ATTACK]
     window = _window(tuple(cell.scenarios.values())[-1])
     runs = {attack: _simulated(scenario, cell.seeds) for attack, scenario in cell.scenarios.items()}
-    designs = [_designs(cell, base.model_copy(update={"seed": seed})) for seed in cell.seeds]
+    designs = [designs_of(cell.observer, base.model_copy(update={"seed": seed})) for seed in cell.seeds]
     lanes = [link for _ in runs for one in designs for link in one.links]
     watch = _watch_all if designs[0].settings.combined else _watch_links
     tables = []
@@ -196,16 +192,6 @@ def _impact_so_far(scenario: Scenario, x: NDArray[np.float64], start: int) -> Gr
         return np.asarray(np.maximum.accumulate(counted, axis=0))
 
     return GridImpact(**{one.name: so_far(getattr(found, one.name)) for one in fields(found)})
-
-
-def _designs(cell: StudyCell, scenario: Scenario) -> RunDesigns:
-    """Return what is designed for the runs of one seed: each has histories of its own."""
-    observer = cell.observer
-    settings = observer.settings(DetectorSettings())
-    topics = replace(topics_of(scenario), has_team=False, parts=parts_of(settings))
-    histories = {dgu: history_of(histories_of_run(scenario, dgu)) for dgu in topics.dgus}
-    method = method_of(observer.kind, observer.options, scenario)
-    return design_run(topics, settings, histories, method=method)
 
 
 def _judge(runs: _Runs, part: _Part, window: tuple[int, int], period_sec: float) -> dict[str, NDArray[Any]]:

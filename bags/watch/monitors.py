@@ -6,6 +6,7 @@ shape with arrays over links: the same multiply-adds in the same order, so the s
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from math import prod
 from typing import Any
 
 import numpy as np
@@ -98,8 +99,8 @@ class RunMonitors:
             u: Known inputs that travel with the outputs, shape (steps, links, m); None: none do.
         """
         lanes, outputs = delivered.shape[1:], received.shape[-1]
-        delivered = delivered.reshape(len(delivered), -1)
-        shape = delivered.shape
+        shape = (len(delivered), prod(lanes))
+        delivered = delivered.reshape(shape)
         received = received.reshape(*shape, outputs)
         inputs = np.empty((*shape, 0)) if u is None else u.reshape(*shape, u.shape[-1])
         arrays = MonitorArrays(

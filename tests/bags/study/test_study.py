@@ -150,6 +150,16 @@ def _flat(study: Study) -> dict[str, Any]:
         ("seeds: 4", "seeds: 0", "seeds = 0: expected a number greater than or equal to 1"),
         ("seeds: 4", "sedes: 3", "sedes = 3: no such key: did you mean seeds?"),
         ("kind: full_order", "kind: fullorder", "observers.0.kind = 'fullorder': expected one of"),
+        (
+            "kind: full_order",
+            "kind: full_order, options: {decay: 3}",
+            "observers.0.options.decay = 3: Input should be less",
+        ),
+        (
+            "kind: full_order",
+            "kind: full_order, options: {dcay: 0.4}",
+            "observers.0.options.dcay = 0.4: no such option",
+        ),
         ("scenario: gallo_six_dgu", "scenario: galo", "scenario = 'galo': galo: no such scenario"),
         ("kind: bias,", "kind: bais,", "attacks.0.kind = 'bais': expected an attack class"),
         ('link: "1-2", bias', 'link: "1-5", bias', "attacks.0.link = '1-5'"),
