@@ -1,6 +1,6 @@
 """Studies: many seeds x attacks x observers x detectors, offline, into one table and its curves."""
 
-from bags.study.cells import StudyCell, cells_of
+from bags.study.cells import StudyCell, cells_of, check_designs
 from bags.study.errors import StudyError
 from bags.study.run import run_study
 from bags.study.settings import Study, load_study
@@ -13,6 +13,7 @@ __all__ = [
     "StudyCell",
     "StudyError",
     "cells_of",
+    "check_designs",
     "compare",
     "load_study",
     "operating_points",

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -95,9 +95,30 @@ def cells_of(study: Study, source: str, scenario_path: Callable[[str], Path]) ->
             for observer in study.observers
         ]
         _check_detectors(study, base, source)
-        if not position:
-            _check_observers(study, base, source)
     return tuple(cells)
+
+
+def check_designs(study: Study, cells: Sequence[StudyCell], source: str) -> None:
+    """Design once what each observer runs at one DGU, so that no cell starts with options that no design takes.
+
+    Args:
+        study: The study.
+        cells: Of it.
+        source: What to call its file in messages.
+
+    Raises:
+        StudyError: One line with file, key, value and what was expected.
+    """
+    base = cells[0].scenarios[NO_ATTACK]
+    for position, one in enumerate(study.observers):
+        try:
+            designs_of(one, base, topics_of(base).monitors[:1])
+        except OptionError as error:
+            key = ".".join(error.key[1:] if error.key[0] == "observer" else error.key)
+            found = "" if error.value is None else f" = {error.value!r}"
+            raise StudyError(f"{source}: observers.{position}.{key}{found}: {error.expected}") from error
+        except HistoryError:
+            continue  # no fault of the options: the cell says what becomes of it
 
 
 def _attacked(study: Study, base: Scenario, source: str) -> dict[str, Scenario]:
@@ -131,19 +152,6 @@ def _check_kinds(study: Study, source: str) -> None:
         if told.combined and one.kind in BASELINES:
             raise StudyError(f"{source}: observers.{position}.kind = {one.kind!r}: baselines have no further tests")
         _check_start(study, told.calibrated_sec, f"{source}: observers.{position}: learns")
-
-
-def _check_observers(study: Study, base: Scenario, source: str) -> None:
-    """Refuse options that no design takes, by designing once what one DGU runs."""
-    for position, one in enumerate(study.observers):
-        try:
-            designs_of(one, base, topics_of(base).monitors[:1])
-        except OptionError as error:
-            key = ".".join(error.key[1:] if error.key[0] == "observer" else error.key)
-            found = "" if error.value is None else f" = {error.value!r}"
-            raise StudyError(f"{source}: observers.{position}.{key}{found}: {error.expected}") from error
-        except HistoryError:
-            continue  # no fault of the options: the cell says what becomes of it
 
 
 def _check_detectors(study: Study, base: Scenario, source: str) -> None:

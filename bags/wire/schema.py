@@ -16,6 +16,7 @@ from bags.wire.row import Codec_co, Need, Over, Row, Spot, Widths, at
 from bags.wire.settings import settings_of
 from bags.wire.stream import StreamCodec
 from dgu_sim.grid import Link
+from dgu_sim.matrices import INPUTS, STATES
 
 if TYPE_CHECKING:
     from dgu_sim.scenario import Scenario
@@ -23,7 +24,7 @@ if TYPE_CHECKING:
 
 CLOCK_NODE, ATTACKER_NODE = table.CLOCK.publisher, table.RECEIVED.publisher
 SECOND_PUBLISHER = "second_publisher"
-DGU_WIDTHS = Widths(outputs=3, states=3, applied=2)
+DGU_WIDTHS = Widths(outputs=STATES, states=STATES, applied=INPUTS)
 """Of the DGUs that dgu_sim simulates: V, I_t, v; I_net + I_L, V_ref + alpha."""
 
 

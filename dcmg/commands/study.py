@@ -63,7 +63,7 @@ def study(
     and impact curves. An interrupted study goes on where it was when the same command is given again. docs/studies.md
     explains the keys of a study file.
     """
-    from bags.study import cells_of, compare, load_study, operating_points  # noqa: PLC0415 (pyarrow takes its time)
+    from bags.study import cells_of, check_designs, compare, load_study, operating_points  # noqa: PLC0415 (pyarrow takes its time)
     from bags.study.figures import write_results  # noqa: PLC0415 (idem)
     from bags.study.page import write_page  # noqa: PLC0415 (idem)
 
@@ -79,6 +79,7 @@ def study(
         return beside if beside.is_file() else scenario_path(name)
 
     cells = cells_of(loaded, str(path), find)
+    check_designs(loaded, cells, str(path))
     folder = out or Path("out") / f"study-{loaded.name}"
     table = _run(cells, folder, workers or os.cpu_count() or 1, quiet=json)
     points = operating_points(table)

@@ -11,7 +11,7 @@ from pyarrow import parquet
 
 from bags.runs.offline import simulate_to_bag
 from bags.runs.reader import read_run
-from bags.study import StudyCell, StudyError, cells_of, compare, load_study, operating_points, run_study
+from bags.study import StudyCell, StudyError, cells_of, check_designs, compare, load_study, operating_points, run_study
 from bags.study.evaluate import evaluate
 from bags.study.figures import write_results
 from bags.study.settings import NO_ATTACK, Study
@@ -150,16 +150,6 @@ def _flat(study: Study) -> dict[str, Any]:
         ("seeds: 4", "seeds: 0", "seeds = 0: expected a number greater than or equal to 1"),
         ("seeds: 4", "sedes: 3", "sedes = 3: no such key: did you mean seeds?"),
         ("kind: full_order", "kind: fullorder", "observers.0.kind = 'fullorder': expected one of"),
-        (
-            "kind: full_order",
-            "kind: full_order, options: {decay: 3}",
-            "observers.0.options.decay = 3: Input should be less",
-        ),
-        (
-            "kind: full_order",
-            "kind: full_order, options: {dcay: 0.4}",
-            "observers.0.options.dcay = 0.4: no such option",
-        ),
         ("scenario: gallo_six_dgu", "scenario: galo", "scenario = 'galo': galo: no such scenario"),
         ("kind: bias,", "kind: bais,", "attacks.0.kind = 'bais': expected an attack class"),
         ('link: "1-2", bias', 'link: "1-5", bias', "attacks.0.link = '1-5'"),
@@ -190,6 +180,26 @@ def test_wrong_observer_options_name_the_observer(refuse: Callable[[str, str], P
     cells = cells_of(load_study(path), str(path), scenario_path)
     with pytest.raises(StudyError, match="observer data-driven: full_order: option strategy"):
         run_study(cells, tmp_path / "out", workers=1)
+
+
+@pytest.mark.parametrize(
+    ("observer", "expected"),
+    [
+        ("kind: full_order, options: {decay: 3}", "options.decay = 3: Input should be less than 1"),
+        ("kind: reduced_order, options: {dcay: 0.4}", "options.dcay = 0.4: no such option: expected one of"),
+        ("kind: model_based, options: {decay: x}", "options.decay = 'x': Input should be a valid number"),
+        ("kind: full_order, plausibility: {estimator: {options: {x: 1}}}", "plausibility.estimator.options.x = 1: no"),
+    ],
+)
+def test_wrong_options_are_named_before_the_first_run(
+    refuse: Callable[[str, str], Path], observer: str, expected: str
+) -> None:
+    """File, key, value and what was expected, of observers, baselines and further tests alike."""
+    path = refuse("kind: full_order", observer)
+    study = load_study(path)
+    with pytest.raises(StudyError) as caught:
+        check_designs(study, cells_of(study, str(path), scenario_path), str(path))
+    assert str(caught.value).startswith(f"{path}: observers.0.{expected}")
 
 
 @pytest.mark.parametrize("name", sorted(shipped_studies()))
