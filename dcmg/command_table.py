@@ -51,6 +51,10 @@ COMMANDS: Sequence[Command | Group] = (
     _here("report", "Measure a run: detection, false alarms, ROC, isolation, impact, with intervals.", _LOOK),
     _here("explain", "Say why there was, or was no, alarm on a link at a moment.", _LOOK),
     _here("compare", "Put runs side by side: each attack's delay, false alarms, and what watched.", _LOOK),
+    _here("reproduce", "Run a bag's scenario again and say whether every message is the same, bit for bit.", _LOOK),
+    _here(
+        "script", "Write what was done to a run by hand as a scenario.", _LOOK, attribute="script", module="reproduce"
+    ),
     _here("replay", "Feed recorded data to freshly designed monitors, or publish it into ROS.", _LOOK),
     _ros("player", "Steer a replay that publishes (`dcmg replay --publish`).", _LOOK),
     _here("reconstruct", "Reconstruct load, reference and attack on one link from what was received.", _LOOK),
