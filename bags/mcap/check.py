@@ -14,7 +14,7 @@ from bags.mcap.errors import BagError
 from bags.mcap.file_bytes import FileBytes
 from bags.mcap.folder import by_number, read_metadata
 from bags.mcap.frames import MAGIC, Frame, parse_definition
-from bags.mcap.kinds import ELSEWHERE, POINTERS, ZSTD_MAGIC, kind_of
+from bags.mcap.kinds import ELSEWHERE, POINTERS, ZSTD_MAGIC, Kind, kind_of
 from bags.mcap.mcap_file import OURS
 from bags.mcap.metadata import METADATA_FILE, ROOT_KEY, whole_document
 from bags.mcap.scan import Fault, Messages, survey
@@ -140,7 +140,8 @@ def mcap_files(path: Path | str) -> list[Path]:
         if plain_name(file.name).endswith(".mcap"):
             there.setdefault(plain_name(file.name), file)  # the one that is not compressed comes first
     for file in there.values():
-        _check_kind(file, file)
+        if kind_of(file) is not Kind.EMPTY or len(there) == 1:  # a recorder that was killed behind a split leaves one
+            _check_kind(file, file)
     if not there:
         for file in files:
             with opened(file):
@@ -158,7 +159,8 @@ def opened(file: Path) -> Iterator[Path]:
         BagError: It cannot be decompressed, or holds something else.
     """
     with plain_file(file) as plain:
-        _check_kind(plain, file)
+        if kind_of(plain) is not Kind.EMPTY:
+            _check_kind(plain, file)
         yield plain
 
 

@@ -44,7 +44,8 @@ def verified_schema(schema: Schema) -> tuple[Schema, str]:
     same = is_standard(definition) and _bare(wanted) == _bare(schema.data)
     if name == schema.name and schema.encoding == "ros2msg" and same and not _odd(schema.data):
         return schema, ""
-    if sorted(_bare(wanted)) == sorted(_bare(schema.data)) and wanted != schema.data:
+    words, found = _bare(wanted), _bare(schema.data)
+    if words != found and sorted(words) == sorted(found):
         return schema, ""  # the same fields in another order: no damage does that
     if len(wanted) != len(schema.data) or sum(a != b for a, b in zip(wanted, schema.data, strict=True)) > _SIMILAR:
         return schema, ""

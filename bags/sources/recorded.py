@@ -184,7 +184,9 @@ def _open_file(file: Path, named: Path, listing: Listing) -> Storage:
     if kind is Kind.ROS1:
         return open_ros1(file)
     what = "is" if kind in POINTERS else f"starts with {file.open('rb').read(8)!r} and is"
-    raise BagError(f"{named}: {what} {kind.value}, expected MCAP, sqlite3 or a ROS 1 bag")
+    split = kind is Kind.EMPTY and len(listing.files) > 1 and named.suffix == ".mcap"
+    advice = f": `dcmg bag repair {named.parent}` keeps what is in the others" if split else ""
+    raise BagError(f"{named}: {what} {kind.value}, expected MCAP, sqlite3 or a ROS 1 bag{advice}")
 
 
 def _expanded(path: Path, message: RawMessage) -> RawMessage:

@@ -63,7 +63,7 @@ def _flipped(rng: random.Random, data: bytes, chunks: Chunks) -> Damage:
 
 
 def _truncated(rng: random.Random, data: bytes, chunks: Chunks) -> Damage:
-    at = rng.randrange(len(data))
+    at = max(rng.randrange(len(data)), 1)  # an empty file is called what it is
     return Damage(data=data[:at], what=f"cut at {at}", touched=_hit(chunks, at, len(data)))
 
 

@@ -301,6 +301,22 @@ def test_repair_of_a_broken_file_swaps_nothing(tmp_path: Path) -> None:
     np.testing.assert_array_equal(y, np.stack([X, Y], axis=1)[: len(y)])
 
 
+def test_a_recorder_killed_behind_a_split_leaves_an_empty_file(tmp_path: Path) -> None:
+    """The files before it are kept by a repair, which whoever reads the folder names."""
+    source = _two_files(tmp_path / "bag")
+    (source / "r_1.mcap").write_bytes(b"")
+    with pytest.raises(BagError, match=r"is an empty file, .*`dcmg bag repair .*bag` keeps what is in the others"):
+        describe_source(source)
+    assert any("r_1.mcap" in str(one) for one in check(source).damages)
+    assert repair(source, tmp_path / "repaired").messages == 50
+    y, _ = _history(tmp_path / "repaired", tmp_path / "out", "/old.v", "/old.i")
+    np.testing.assert_array_equal(y, np.stack([X, Y], axis=1)[:50])
+    file = tmp_path / "alone.mcap"
+    file.write_bytes(b"")
+    with pytest.raises(BagError, match="is an empty file"):
+        check(file)
+
+
 def test_channels_without_messages_stand_in_the_summary_only(tmp_path: Path) -> None:
     """As rosbag2 writes them: the bag is clean."""
     _mcap(tmp_path / "bag" / "x.mcap", [("/a", VECTOR, schema_text(VECTOR), {})])
