@@ -10,7 +10,6 @@ from bags.watch.monitors import MonitorArrays, alarm_changes
 from bags.wire.records import AlarmRecord
 from bags.wire.schema import RunTopics
 from dgu_sim.grid import Link
-from monitor.measures import changed
 
 
 def link_alarms(
@@ -43,19 +42,8 @@ def local_alarms(
     """The alarms of the own states, in order of time; `before` (monitors,) are the verdicts at the step before."""
     if not fields.local:
         return []
-    alarm, residual, threshold = (fields.local[name] for name in ("alarm", "residual", "threshold"))
-    rows, positions = np.nonzero(changed(alarm, before))
-    return [
-        AlarmRecord(
-            step=first_step + row,
-            source=topics.monitors[position],
-            monitor=topics.monitors[position],
-            active=bool(alarm[row, position]),
-            residual=tuple(residual[row, position].tolist()),
-            threshold=tuple(threshold[row, position].tolist()),
-        )
-        for row, position in zip(rows.tolist(), positions.tolist(), strict=True)
-    ]
+    own = [Link(monitor, monitor) for monitor in topics.monitors]
+    return link_alarms(MonitorArrays(**fields.local), before, first_step, own)
 
 
 def in_order(alarms: Sequence[AlarmRecord]) -> list[AlarmRecord]:

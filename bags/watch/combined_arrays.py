@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from bags.watch.monitors import MonitorArrays
 from bags.wire.arrays import group, room
 from bags.wire.forms import MASKS
 from bags.wire.schema import RunTopics
@@ -29,17 +30,6 @@ class VerdictArrays:
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
-class LocalArrays:
-    """What the local modules concluded, shape (steps, monitors) and (steps, monitors, 3); fields of Residual.msg."""
-
-    phase: NDArray[np.uint8]
-    alarm: NDArray[np.bool_]
-    estimate: NDArray[np.float64]
-    residual: NDArray[np.float64]
-    threshold: NDArray[np.float64]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
 class InputArrays:
     """Reconstructed inputs, shape (steps, links) and (steps, links, 2); the fields are those of InputEstimate.msg."""
 
@@ -58,12 +48,12 @@ class CombinedArrays:
 
     Attributes:
         verdict: Which links lie.
-        local: What the local modules concluded, None without them.
+        local: What the local modules concluded, shape (steps, monitors, ...), None without them.
         inputs: Reconstructed inputs, None without plausibility tests.
     """
 
     verdict: VerdictArrays
-    local: LocalArrays | None
+    local: MonitorArrays | None
     inputs: InputArrays | None
 
 
@@ -93,7 +83,7 @@ class CombinedFields:
         flags = {name: _flags(self.verdict[name], topics) for name in MASKS}
         return CombinedArrays(
             verdict=VerdictArrays(**flags, local=self.verdict["local"]),
-            local=LocalArrays(**self.local) if self.local else None,
+            local=MonitorArrays(**self.local) if self.local else None,
             inputs=InputArrays(**self.inputs) if self.inputs else None,
         )
 

@@ -18,7 +18,7 @@ from bags.watch.monitors import MonitorArrays, RunMonitors, monitors_of
 from bags.wire.row import Widths
 from monitor.combined import DguMonitor, DguOutput, DguState, Own, Received
 from monitor.linear import Component, Flag
-from monitor.link_monitor import MonitorState
+from monitor.link_monitor import MonitorOutput, MonitorState
 
 
 class Conclusions(NamedTuple):
@@ -189,6 +189,6 @@ def _links(rows: Sequence[Sequence[DguOutput]], links: int, widths: Widths) -> M
         residual=np.full((steps, links, widths.outputs), np.nan),
         threshold=np.full((steps, links, widths.outputs), np.nan),
     )
-    for name in ("phase", "alarm", "estimate", "residual", "threshold") if steps and links else ():
+    for name in MonitorOutput._fields if steps and links else ():
         getattr(arrays, name)[:] = [[getattr(said, name) for one in row for said in one.links] for row in rows]
     return arrays

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json as json_module
+from contextlib import closing
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Annotated
@@ -38,7 +39,7 @@ def reproduce(
     run = open_run(bag)
     with (
         TemporaryDirectory(prefix="dcmg-reproduce-") as folder,
-        LiveDisplay(messages, run.steps, run.topics.sampling_period_ns * 1e-9) as display,
+        closing(LiveDisplay(messages, run.steps, run.topics.sampling_period_ns * 1e-9)) as display,
     ):
         found = again(bag, out or Path(folder) / "bag", display.steps)
     if json:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from contextlib import closing
+
 import typer
 
 from bags.mcap.recording import ChunkPreset
@@ -57,7 +59,7 @@ def simulate(
     chosen.check_size(loaded, folder)
     designed = check_monitors(loaded, chosen, designs)
     folder.mkdir(parents=True, exist_ok=True)
-    with LiveDisplay(messages, loaded.steps, loaded.sampling_period_sec) as display:
+    with closing(LiveDisplay(messages, loaded.steps, loaded.sampling_period_sec)) as display:
         bag = simulate_to_bag(loaded, folder / "bag", display.steps, recording, host_facts(), designs=designed)
     show(bag, folder if plots else None, json=json, partial=is_partial(loaded, recording))
     raise typer.Exit(0)

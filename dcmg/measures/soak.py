@@ -21,7 +21,6 @@ if TYPE_CHECKING:
 _DCMG = (sys.executable, "-m", "dcmg")
 _SAMPLE_SEC = 0.5
 _KIB_PER_MB = 1e6 / 1024
-_CONCLUSIONS = ("phase", "alarm", "estimate", "residual", "threshold")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -137,6 +136,7 @@ def _replay(bag: Path) -> tuple[bool, str]:
     """Replay and compare every conclusion of every monitor at every step with the recorded one, bit by bit."""
     from bags.runs.reader import open_run  # noqa: PLC0415 (heavy)
     from bags.runs.replay import replay_windows  # noqa: PLC0415
+    from monitor.link_monitor import MonitorOutput  # noqa: PLC0415
 
     recorded: list[RunRecord] = []
 
@@ -148,7 +148,8 @@ def _replay(bag: Path) -> tuple[bool, str]:
     different = 0
     for again in replay_windows(noted()):
         (window,) = recorded
-        different += sum(getattr(again, name).tobytes() != getattr(window, name).tobytes() for name in _CONCLUSIONS)
+        arrays = [(getattr(again, name), getattr(window, name)) for name in MonitorOutput._fields]
+        different += sum(one.tobytes() != other.tobytes() for one, other in arrays)
     return not different, "bit-identical residuals" if not different else f"{different} windows of arrays differ"
 
 

@@ -3,19 +3,17 @@
 from __future__ import annotations
 
 import math
-import os
+from contextlib import closing
 from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from dcmg.errors import CommandError
 from dcmg_bringup.domain import REPLAY, checked_domain, running_systems
-from dcmg_nodes.ros_arguments import ros_arguments
+from dcmg_bringup.service_client import ServiceClient
 
 if TYPE_CHECKING:
     from dcmg_msgs.srv import ControlReplay
-
-_FIND_SEC, _ANSWER_SEC = 10.0, 5.0
 
 app = typer.Typer(no_args_is_help=True, help="Steer a replay that publishes (`dcmg replay --publish`).")
 
@@ -83,28 +81,11 @@ def _call(domain: int | None, command: str, *, steps: int = 0, rate: float = 0.0
     """
     domain = checked_domain(domain)
     domain = _only_domain() if domain is None else domain
-    os.environ["ROS_DOMAIN_ID"] = str(domain)
-    import rclpy  # noqa: PLC0415 (rclpy only when needed, in the domain just set)
-    from dcmg_msgs.srv import ControlReplay  # noqa: PLC0415
-    from rclpy.node import Node  # noqa: PLC0415
+    with closing(ServiceClient({"ROS_DOMAIN_ID": str(domain)}, "replay", "is one publishing there?", 10.0)) as client:
+        from dcmg_msgs.srv import ControlReplay  # noqa: PLC0415 (in the domain just joined)
 
-    rclpy.init(args=ros_arguments())
-    try:
-        node = Node("dcmg_player_client", enable_rosout=False, start_parameter_services=False)
-        client = node.create_client(ControlReplay, "/player/control")
-        if not client.wait_for_service(timeout_sec=_FIND_SEC):
-            raise CommandError(f"no replay answers in ROS domain {domain}: is one publishing there?")
         request = ControlReplay.Request(command=getattr(ControlReplay.Request, command), steps=steps, rate=rate)
-        future = client.call_async(request)
-        rclpy.spin_until_future_complete(node, future, timeout_sec=_ANSWER_SEC)
-        answer: ControlReplay.Response | None = future.result()
-        node.destroy_node()
-    finally:
-        rclpy.try_shutdown()
-    if answer is None:
-        raise CommandError(f"the replay in ROS domain {domain} did not answer within {_ANSWER_SEC:g} s")
-    if not answer.accepted:
-        raise CommandError(answer.message)
+        answer: ControlReplay.Response = client.call(ControlReplay, "/player/control", request)
     return answer
 
 

@@ -4,16 +4,14 @@ from __future__ import annotations
 
 import math
 import time
-from typing import TYPE_CHECKING, Self
-
-from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+from typing import TYPE_CHECKING
 
 from dcmg.errors import CommandError
+from dcmg.progress import LiveBar
 from dcmg_bringup.keys import DOWN, RIGHT, SPACE, UP
 
 if TYPE_CHECKING:
     from collections.abc import Callable
-    from types import TracebackType
 
     from rich.console import Console
 
@@ -25,7 +23,7 @@ _FASTER, _SLOWER = 1.1, 1.0 / 1.1
 
 
 class ReplayDisplay:
-    """Looks on while a bag is played: a progress bar, keys, and the processes that the replay needs.
+    """Looks on while a bag is played: a progress bar, keys, and the processes that the replay needs. To be closed.
 
     Args:
         console: where to draw; not the standard output of `--json`.
@@ -37,26 +35,10 @@ class ReplayDisplay:
     def __init__(
         self, console: Console, length_sec: float, pressed: Callable[[], list[str]], group: ProcessGroup | None
     ) -> None:
-        """Create the bar; nothing is drawn before the `with` block."""
-        self._console, self._pressed, self._group = console, pressed, group
-        columns = (TextColumn("{task.fields[where]}"), BarColumn(bar_width=30), TextColumn("{task.fields[how]}"))
-        self._progress = Progress(*columns, TimeElapsedColumn(), console=console, transient=not console.is_terminal)
-        self._task = self._progress.add_task("replay", total=length_sec, where="waiting for listeners", how="")
-
-    def __enter__(self) -> Self:
-        """Start drawing."""
-        self._progress.start()
-        return self
-
-    def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None
-    ) -> None:
-        """Stop drawing and leave the last state on the screen."""
-        self._progress.stop()
-
-    def say(self, line: str) -> None:
-        """Print a line above the bar."""
-        self._progress.console.print(line, highlight=False, soft_wrap=True)
+        """Draw the bar."""
+        self._pressed, self._group = pressed, group
+        self._bar = LiveBar(console, length_sec, "waiting for listeners", {"how": ""})
+        self.say, self.close = self._bar.say, self._bar.close
 
     def look(self, pace: Pace, played: Played) -> bool:
         """Show how far the replay is, do what keys say, and see that every process lives.
@@ -68,7 +50,7 @@ class ReplayDisplay:
             _steer(pace, key)
         how = "paused" if pace.paused else "" if pace.unlimited else f"{pace.rate:.3g} x real time"
         where = f"t = {played.time_sec:7.2f} s" if played.messages else "waiting for listeners"
-        self._progress.update(self._task, completed=played.time_sec, where=where, how=how)
+        self._bar.update(played.time_sec, before=where, how=how)
         death = self._group.death() if self._group is not None else None
         if death is not None:
             raise CommandError(f"node {death.process} ended ({death.reason})")

@@ -6,7 +6,7 @@ import datetime as dt
 import json as json_module
 import os
 import sys
-from contextlib import ExitStack
+from contextlib import ExitStack, closing
 from dataclasses import dataclass
 from importlib import resources
 from pathlib import Path
@@ -112,7 +112,7 @@ def _play(playback: Playback, part: _Part | None, options: PublishOptions, stack
     )
     length_sec = (playback.end_ns - playback.start_ns) * 1e-9
     pressed = stack.enter_context(keys())
-    with ReplayDisplay(_messages, length_sec, pressed, group) as display, said_in_one_line():
+    with closing(ReplayDisplay(_messages, length_sec, pressed, group)) as display, said_in_one_line():
         played = play(playback, play_options, display)
     if group is not None:
         group.wait(_EXIT_GRACE_SEC)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+from contextlib import closing
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -125,7 +126,7 @@ def _run(chosen: options.ScenarioOptions, how: RunOptions, *, json: bool, plots:
     check_monitors(scenario, chosen, how.designs)
     out = chosen.folder(scenario)
     steps = None if _is_forever(scenario) else scenario.steps
-    with LiveDisplay(messages, steps, scenario.sampling_period_sec) as display:
+    with closing(LiveDisplay(messages, steps, scenario.sampling_period_sec)) as display:
         outcome = run_job(scenario, out, how, display)
     return _ended(outcome, scenario, out, how.recording, json=json, plots=plots)
 
