@@ -1,5 +1,6 @@
 """Load currents: what a DGU's consumers draw, as a function of the step."""
 
+from collections.abc import Callable
 from functools import cached_property
 from typing import Annotated, Literal, Protocol, Self, TypeAlias
 
@@ -104,10 +105,7 @@ class UniformLoad(Frozen):
 
     def current(self, first: int, count: int, sampling_period_sec: float, source: RandomSource) -> FloatArray:
         """Return the current [A], shape (count,)."""
-        index = _held(first, count, self.hold_sec, sampling_period_sec)
-        values = source.values(int(index[0]), int(index[-1]) + 1, self._draw)
-        held: FloatArray = values[index - index[0]]
-        return held
+        return _drawn(source, _held(first, count, self.hold_sec, sampling_period_sec), self._draw)
 
     def _draw(self, generator: np.random.Generator) -> FloatArray:
         return generator.uniform(self.low_a, self.high_a, BLOCK)
@@ -127,10 +125,7 @@ class GaussianLoad(Frozen):
 
     def current(self, first: int, count: int, sampling_period_sec: float, source: RandomSource) -> FloatArray:
         """Return the current [A], shape (count,)."""
-        index = _held(first, count, self.hold_sec, sampling_period_sec)
-        values = source.values(int(index[0]), int(index[-1]) + 1, self._draw)
-        held: FloatArray = values[index - index[0]]
-        return held
+        return _drawn(source, _held(first, count, self.hold_sec, sampling_period_sec), self._draw)
 
     def _draw(self, generator: np.random.Generator) -> FloatArray:
         return generator.normal(self.mean_a, self.std_a, BLOCK)
@@ -180,3 +175,11 @@ def _held(first: int, count: int, hold_sec: float | None, sampling_period_sec: f
     """Return the number of the drawn value that holds at each step."""
     hold_steps = 1 if hold_sec is None else max(1, round(hold_sec / sampling_period_sec))
     return _steps(first, count) // hold_steps
+
+
+def _drawn(
+    source: RandomSource, index: NDArray[np.int64], draw: Callable[[np.random.Generator], FloatArray]
+) -> FloatArray:
+    """Return the drawn values of these numbers, which rise."""
+    values = source.values(int(index[0]), int(index[-1]) + 1, draw)
+    return np.asarray(values[index - index[0]])

@@ -5,12 +5,17 @@ from pathlib import Path
 from typing import Self
 
 import yaml
-from pydantic import ValidationError, model_validator
+from pydantic import model_validator
 
-from dgu_sim.errors import ScenarioError
-from dgu_sim.explain import explain
 from dgu_sim.scenario_checks import check_parts, check_stability
-from dgu_sim.scenario_file import apply_overrides, embed_tables, parse_yaml, raised_by, resolve_history_bag
+from dgu_sim.scenario_file import (
+    apply_overrides,
+    embed_tables,
+    parse_yaml,
+    read_text,
+    resolve_history_bag,
+    validated,
+)
 from dgu_sim.sections import Sections
 
 __all__ = ["Scenario", "load_scenario", "parse_scenario"]
@@ -41,11 +46,7 @@ def load_scenario(path: Path | str, overrides: Sequence[str] = ()) -> Scenario:
         ScenarioError: One line with file, key, value and what was expected.
     """
     path = Path(path)
-    try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-        raise ScenarioError(f"{path}: expected a readable scenario file: {reason}") from error
+    text = read_text(path, "scenario file")
     return parse_scenario(text, source=str(path), overrides=overrides, directory=path.parent)
 
 
@@ -67,8 +68,4 @@ def parse_scenario(
     apply_overrides(data, overrides, source)
     embed_tables(data, source, directory, overrides)
     resolve_history_bag(data, directory)
-    try:
-        return Scenario.model_validate(data)
-    except ValidationError as error:
-        problem = explain(error, data)
-        raise ScenarioError(f"{raised_by(problem.key, overrides, source)}: {problem}") from error
+    return validated(Scenario, data, source, overrides)

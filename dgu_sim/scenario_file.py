@@ -1,13 +1,14 @@
 """From the text of a scenario file to plain data: YAML, overrides, CSV tables."""
 
-from collections.abc import Hashable, Sequence
+from collections.abc import Hashable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import yaml
+from pydantic import BaseModel, ValidationError
 
 from dgu_sim.errors import ScenarioError
-from dgu_sim.explain import shown
+from dgu_sim.explain import explain, shown
 from dgu_sim.table_file import ATTACK_COLUMNS, LOAD_COLUMNS, TableFileError, embed_table
 from dgu_sim.yaml_limits import SafeLoader, load_within_limits
 
@@ -18,8 +19,12 @@ __all__ = [
     "embed_waveforms",
     "parse_yaml",
     "raised_by",
+    "read_text",
     "resolve_history_bag",
+    "validated",
 ]
+
+Model = TypeVar("Model", bound=BaseModel)
 
 WAVEFORM = "bias_waveform"
 """The kind of attack that may name a file."""
@@ -37,6 +42,32 @@ class _UniqueKeyLoader(SafeLoader):
             if isinstance(key, Hashable):
                 seen.add(key)
         return super().construct_mapping(node, deep)
+
+
+def read_text(path: Path, what: str) -> str:
+    """Return the text of a file, "scenario file" in messages.
+
+    Raises:
+        ScenarioError: It cannot be read.
+    """
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
+        raise ScenarioError(f"{path}: expected a readable {what}: {reason}") from error
+
+
+def validated(model: type[Model], data: Mapping[str, Any], source: str, overrides: Sequence[str] = ()) -> Model:
+    """Return plain data as what they are to be.
+
+    Raises:
+        ScenarioError: One line with source or override, key, value and what was expected.
+    """
+    try:
+        return model.model_validate(data)
+    except ValidationError as error:
+        problem = explain(error, data)
+        raise ScenarioError(f"{raised_by(problem.key, overrides, source)}: {problem}") from error
 
 
 def parse_yaml(text: str, source: str) -> dict[str, Any]:

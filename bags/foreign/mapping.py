@@ -5,7 +5,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated, Any, Self
 
-from pydantic import BeforeValidator, Field, ValidationError, model_validator
+from pydantic import BeforeValidator, Field, model_validator
 
 from bags.foreign.sampling import Policy
 from bags.foreign.stamps import Stamps
@@ -14,10 +14,9 @@ from bags.mcap.errors import BagError
 from bags.mcap.kinds import check_regular
 from bags.wire.row import Widths
 from dgu_sim.errors import ScenarioError
-from dgu_sim.explain import explain
 from dgu_sim.grid import Link
 from dgu_sim.model import Frozen, Number, finding
-from dgu_sim.scenario_file import embed_waveforms, parse_yaml
+from dgu_sim.scenario_file import embed_waveforms, parse_yaml, read_text, validated
 from dgu_sim.settings import AttackSettings
 from monitor.settings import MonitorSettings
 
@@ -197,12 +196,7 @@ def load_data(path: Path | str) -> dict[str, Any]:
     try:
         if path.exists() and not path.is_dir():
             check_regular(path, "a mapping file")
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-        raise BagError(f"{path}: expected a readable mapping file: {reason}") from error
-    try:
-        data = parse_yaml(text, str(path))
+        data = parse_yaml(read_text(path, "mapping file"), str(path))
         embed_waveforms(data, str(path), path.parent)
     except ScenarioError as error:
         raise BagError(str(error).replace("a mapping of scenario keys", "a mapping of keys")) from error
@@ -220,9 +214,9 @@ def mapping_of(data: MappingType[str, object], source: str) -> Mapping:
         BagError: One line with source, key, value and what was expected.
     """
     try:
-        return Mapping.model_validate(dict(data))
-    except ValidationError as error:
-        raise BagError(f"{source}: {explain(error, dict(data))}") from error
+        return validated(Mapping, dict(data), source)
+    except ScenarioError as error:
+        raise BagError(str(error)) from error
 
 
 def stream_widths(streams: Sequence[StreamMapping], states: int | None = None) -> Widths:

@@ -4,13 +4,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Self
 
-from pydantic import Field, ValidationError, model_validator
+from pydantic import Field, model_validator
 
 from bags.study.errors import StudyError
 from dgu_sim.errors import ScenarioError
-from dgu_sim.explain import explain
 from dgu_sim.model import Frozen, Number, finding
-from dgu_sim.scenario_file import apply_overrides, embed_waveforms, parse_yaml, raised_by
+from dgu_sim.scenario_file import apply_overrides, embed_waveforms, parse_yaml, read_text, validated
 from monitor.detectors import filled_in
 from monitor.settings import DetectorSettings, LocalSettings, MonitorSettings, ObserverSettings, PlausibilitySettings
 
@@ -151,18 +150,9 @@ def load_study(path: Path | str, overrides: Sequence[str] = ()) -> Study:
     """
     path = Path(path)
     try:
-        text = path.read_text(encoding="utf-8")
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"
-        raise StudyError(f"{path}: expected a readable study file: {reason}") from error
-    try:
-        data = parse_yaml(text, str(path))
+        data = parse_yaml(read_text(path, "study file"), str(path))
         apply_overrides(data, overrides, str(path))
         embed_waveforms(data, str(path), path.parent, overrides)
+        return validated(Study, data, str(path), overrides)
     except ScenarioError as error:
         raise StudyError(str(error)) from error
-    try:
-        return Study.model_validate(data)
-    except ValidationError as error:
-        problem = explain(error, data)
-        raise StudyError(f"{raised_by(problem.key, overrides, str(path))}: {problem}") from error
