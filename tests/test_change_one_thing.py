@@ -176,6 +176,15 @@ def test_every_file_of_the_page_exists() -> None:
     assert [name for name in named if not (ROOT / name).exists()] == []
 
 
+def test_every_file_of_the_architecture_exists() -> None:
+    """The house is drawn as it is: no room or file stands on the page alone."""
+    text = (ROOT / "docs/architecture.md").read_text(encoding="utf-8")
+    folders = ("", "ros_ws/src/dcmg_nodes/", "ros_ws/src/dcmg_bringup/")
+    named = set(re.findall(r"\b((?:dgu_sim|monitor|bags|dcmg\w*|tests)/[\w/]+(?:\.\w+)?)", text))
+    assert len(named) > 40
+    assert [name for name in sorted(named) if not any((ROOT / folder / name).exists() for folder in folders)] == []
+
+
 def test_an_attack_a_detector_and_an_observer(change: Change, tmp_path: Path) -> None:
     """One file and one line each: the attack is listed and ordered, the detector judges, the observer is designed."""
     change.of("an attack").write("dgu_sim/attacks/halving.py", _ATTACK)
