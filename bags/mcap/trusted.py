@@ -68,6 +68,9 @@ def channel_fault(channel: Channel, schema: Schema | None, told: Mapping[str, st
 def _fault_with_schema(channel: Channel, schema: Schema, told: Mapping[str, str]) -> str:
     if told and told[channel.topic] != schema.name:
         return f"the channel of {channel.topic} is of {schema.name!r:.80}, metadata.yaml says {told[channel.topic]}"
+    form = schema.encoding
+    if form not in {"", "ros2msg"} and (form in "ros2msg" or form.startswith("ros2msg")):  # its length is wrong
+        return f"the definition of {channel.topic} is damaged: it is written as {form!r:.80}"
     if schema.encoding != "ros2msg" or channel.message_encoding != CDR:
         return ""  # of another program: nothing to hold it against
     return _schema_fault(channel, schema)
