@@ -160,12 +160,12 @@ def stream_monitors(mapping: Mapping, source: str, history: Path) -> StreamMonit
     alone = MonitorSettings(observer=mapping.monitor.observer, detector=mapping.monitor.detector)
     with said_of(source):
         designs = design_run(topics, alone, histories)
-        monitors = designs.monitors
+        designs.check_start()
     return StreamMonitors(
         topics=topics,
         fields=fields,
         readers=tuple(_reader(streams[link], fields, widths) for link in topics.links),
-        monitors=monitors,
+        monitors=designs.monitors,
         designs=tuple(record for _, record in designs.messages()),
         histories=tuple(record for found in records.values() for record in found),
     )

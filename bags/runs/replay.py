@@ -150,6 +150,7 @@ def _prepare(record: RunRecord, overrides: Sequence[str], *, redesign: bool) -> 
     carried = None if redesign else carried_by(record)
     with said_of(f"{record.path}/{SCENARIO_ATTACHMENT}", overrides):
         designs = design_run(topics, settings, histories, carried=carried, team=team)
+        designs.check_start()
         watch = Watcher(designs=designs)
     records = [design for _, design in designs.messages()]
     estimators = len(record.links) if topics.has(Need.INPUTS) else 0

@@ -2,7 +2,8 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -112,13 +113,26 @@ def check_designs(study: Study, cells: Sequence[StudyCell], source: str) -> None
     base = cells[0].scenarios[NO_ATTACK]
     for position, one in enumerate(study.observers):
         try:
-            designs_of(one, base, topics_of(base).monitors[:1])
-        except OptionError as error:
-            key = ".".join(error.key[1:] if error.key[0] == "observer" else error.key)
-            found = "" if error.value is None else f" = {error.value!r}"
-            raise StudyError(f"{source}: observers.{position}.{key}{found}: {error.expected}") from error
+            with _said_of(source, "observer", f"observers.{position}"):
+                designs = designs_of(one, base, topics_of(base).monitors[:1])
+                designs.check_start()
         except HistoryError:
             continue  # no fault of the options: the cell says what becomes of it
+        for number, detector in enumerate(study.detectors):
+            for value in detector.points:
+                with _said_of(source, "detector", f"detectors.{number}"):
+                    designs.judged_by(detector.at(value)).check_start()
+
+
+@contextmanager
+def _said_of(source: str, section: str, place: str) -> Iterator[None]:
+    """Say of a wrong option where it stands: what monitors know as a section is an entry of the study."""
+    try:
+        yield
+    except OptionError as error:
+        key = ".".join(error.key[1:] if error.key[0] == section else error.key)
+        found = "" if error.value is None else f" = {error.value!r}"
+        raise StudyError(f"{source}: {place}.{key}{found}: {error.expected}") from error
 
 
 def _attacked(study: Study, base: Scenario, source: str) -> dict[str, Scenario]:

@@ -71,6 +71,20 @@ class RunDesigns:
         with within("detector"):
             return self.settings.detector.build(self.sampling_period_sec)
 
+    def check_start(self) -> None:
+        """See that everything can start: a detector may be told another number of levels than an observer has outputs.
+
+        Raises:
+            monitor.errors.OptionError: Something cannot; its key is one of the monitors' settings.
+        """
+        for monitor in self.monitors:
+            with within("detector"):
+                for link in monitor.links:
+                    link.init()
+            if monitor.local is not None:
+                with within("local", "detector"):
+                    monitor.local.init()
+
     def told(self) -> dict[str, DesignRecord]:
         """All that is said about designs, the team's included, by topic."""
         team = [] if self.team is None else self.team.messages()

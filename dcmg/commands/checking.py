@@ -35,7 +35,7 @@ def check_monitors(scenario: Scenario, chosen: ScenarioOptions, designs: Path | 
     carried = None if designs is None else read_carried(designs)
     with said_of(str(scenario_path(chosen.name)), chosen.changes):
         found = design_scenario(scenario, carried=carried)
-        found.monitors  # noqa: B018 - putting them together is the check
+        found.check_start()
     reasons: dict[str, list[str]] = {}
     for name, verdict in found.refusals:
         reasons.setdefault(verdict, []).append(name)

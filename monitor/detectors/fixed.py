@@ -9,9 +9,9 @@ import numpy as np
 from pydantic import Field
 from pydantic.dataclasses import dataclass as checked_dataclass
 
+from monitor.detectors.levels import levels_of
 from monitor.detectors.protocol import Phase, Verdict
 from monitor.detectors.schedule import restarted
-from monitor.errors import MonitorError
 from monitor.linear import anywhere, is_missing, larger, select
 from monitor.options import STRICT, parse_options
 
@@ -147,10 +147,7 @@ class FixedDetector:
         return FixedState(state.age, learned, peak, threshold)
 
     def _floor(self, outputs: int) -> tuple[float, ...]:
-        floor = self.floor * outputs if len(self.floor) == 1 else self.floor
-        if len(floor) != outputs:
-            raise MonitorError(f"{KIND}: floor has {len(floor)} components, expected 1 or {outputs}")
-        return floor
+        return levels_of(KIND, "floor", self.floor, outputs)
 
 
 def _spread(vector: Vector, links: int) -> NDArray[np.float64]:

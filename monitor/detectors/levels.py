@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated, TypeAlias
 
 from pydantic import Field
 
-from monitor.errors import MonitorError
+from monitor.errors import OptionError
 
 if TYPE_CHECKING:
     from monitor.linear import Flag, Vector
@@ -19,12 +19,13 @@ def levels_of(owner: str, name: str, given: tuple[float, ...] | float, outputs: 
     """Return a level for each of `outputs` components, from one number for all or one each.
 
     Raises:
-        MonitorError: another number of components.
+        OptionError: another number of components.
     """
     values = given if isinstance(given, tuple) else (given,)
     levels = values * outputs if len(values) == 1 else values
     if len(levels) != outputs:
-        raise MonitorError(f"{owner}: {name} has {len(levels)} components, expected 1 or {outputs}")
+        line = f"{owner}: {name} has {len(levels)} components, expected 1 or {outputs}"
+        raise OptionError(line, ("options", name), given, f"expected one number, or {outputs}: one an output")
     return levels
 
 

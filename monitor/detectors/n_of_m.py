@@ -75,7 +75,8 @@ class NOfMDetector:
 
     def init(self, outputs: int) -> NOfMState:
         """State before the first residual of `outputs` components."""
-        return NOfMState(self.inner.init(outputs), (0.0,) * (self.m - 1))
+        with within("options"):
+            return NOfMState(self.inner.init(outputs), (0.0,) * (self.m - 1))
 
     def step(self, state: NOfMState, residual: Vector) -> tuple[NOfMState, Verdict]:
         """Take the next residual."""

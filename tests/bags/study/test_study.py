@@ -202,6 +202,17 @@ def test_wrong_options_are_named_before_the_first_run(
     assert str(caught.value).startswith(f"{path}: observers.0.{expected}")
 
 
+def test_detectors_start_before_the_first_run(refuse: Callable[[str, str], Path]) -> None:
+    """Another number of levels than the observers have outputs is found by starting every detector once."""
+    path = refuse("margin: 2.0", "margin: 2.0, floor: [1.0, 2.0]")
+    study = load_study(path)
+    with pytest.raises(StudyError) as caught:
+        check_designs(study, cells_of(study, str(path), scenario_path), str(path))
+    assert str(caught.value) == (
+        f"{path}: detectors.0.options.floor = (1.0, 2.0): expected one number, or 3: one an output"
+    )
+
+
 @pytest.mark.parametrize("name", sorted(shipped_studies()))
 def test_shipped_studies_are_valid(name: str) -> None:
     """Every shipped study loads, with a question, and all of its scenarios and detectors are accepted."""

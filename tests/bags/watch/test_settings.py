@@ -46,6 +46,21 @@ WRONG = [
     ("monitor.plausibility.limits.magin=1", "monitor.plausibility.limits.magin = 1: no such key", "margin?"),
     ("monitor.response.quiet_sec=-1", "monitor.response.quiet_sec = -1", "greater than or equal to 0"),
     ("monitor.team.structure=flat", "monitor.team.structure = 'flat'", "mutual"),
+    (
+        "monitor.detector.options.floor=[1, 2]",
+        "monitor.detector.options.floor = (1.0, 2.0)",
+        "expected one number, or 3: one an output",
+    ),
+    (
+        "monitor.detector={kind: n_of_m, options: {n: 1, m: 2, kind: cusum, options: {floor: [1, 2]}}}",
+        "monitor.detector.options.options.floor = (1.0, 2.0)",
+        "expected one number, or 3",
+    ),
+    (
+        "monitor.local.detector={kind: chi_squared, options: {floor: [1, 2]}}",
+        "monitor.local.detector.options.floor = (1.0, 2.0)",
+        "expected one number, or 3",
+    ),
 ]
 
 
