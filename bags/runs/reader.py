@@ -34,7 +34,7 @@ from dgu_sim.relay import RelayEvent
 WINDOW_STEPS = 2000
 _EVERY_RUN = {row.key for row in (table.CLOCK, table.TICK, table.STATE, table.OUTPUT, table.RECEIVED, table.RESIDUAL)}
 _STATE_TOPIC = re.compile(r"/dgu_(\d+)/state")
-_RECEIVED_TOPIC = re.compile(r"/dgu_(\d+)/received/dgu_(\d+)")
+_LINK_TOPIC = re.compile(r"/dgu_(\d+)/(?:received|residual|design)/dgu_(\d+)")
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -192,15 +192,15 @@ def _topics_of(container: Container) -> RunTopics:
     """DGUs, links and sampling period, as the topics and their first stamps tell them."""
     types = container.topics
     dgus = [int(match[1]) for name in types if (match := _STATE_TOPIC.fullmatch(name))]
-    links = [Link(int(match[2]), int(match[1])) for name in types if (match := _RECEIVED_TOPIC.fullmatch(name))]
+    ends = [(int(match[2]), int(match[1])) for name in types if (match := _LINK_TOPIC.fullmatch(name))]
+    links = [Link(source, target) for source, target in sorted(set(ends)) if source != target]
     if not (dgus or links) or "/tick" not in types:
         found = " ".join(sorted(types)) or "none"
         raise BagError(
             f"{container.path}: found the topics {found:.80}, expected those of a run: /tick /dgu_1/state ..."
         )
-    simulated = bool(dgus)
-    if not simulated:  # a stream from outside: nobody knows what the DGUs sent
-        dgus = sorted({end for link in links for end in (link.source, link.target)})
+    simulated = bool(dgus)  # if not: a stream from outside, nobody knows what the DGUs sent
+    dgus = sorted({*dgus, *(end for link in links for end in (link.source, link.target))})
     team = any(type_name == "dcmg_msgs/msg/TeamEstimate" for type_name in types.values())
     parts = None
     if any(type_name == "dcmg_msgs/msg/Verdict" for type_name in types.values()):

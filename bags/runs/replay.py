@@ -145,7 +145,10 @@ def _prepare(record: RunRecord, overrides: Sequence[str], *, redesign: bool) -> 
     team = None
     if scenario is not None and topics.has_team:
         if record.team is None or not record.team.histories:
-            raise BagError(f"{record.path}: holds no /grid/history, expected the record of a run with monitor.team")
+            missing = "/grid/history" if record.topics.has_team else f"/dgu_{record.topics.dgus[0]}/estimate"
+            raise BagError(f"{record.path}: holds no {missing}, expected the record of a run with monitor.team")
+        if topics.announcing and not any(name.startswith("announced.") for name in record.arrays):
+            raise BagError(f"{record.path}: holds no /dgu_{topics.announcing[0]}/inputs, expected it of a team")
         team = team_told(scenario, topics, record.team.histories)
     carried = None if redesign else carried_by(record)
     with said_of(f"{record.path}/{SCENARIO_ATTACHMENT}", overrides):

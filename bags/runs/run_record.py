@@ -137,7 +137,9 @@ class RunRecord:
         if self.topics.team is None:
             return None
         announced: list[NDArray[Any]] = list(group(self.arrays, "announced").values())
-        return TeamArrays(inputs=np.stack(announced, axis=-1), **group(self.arrays, "estimate"))
+        unknown = np.full((self.steps, len(self.topics.announcing), 2), np.nan)  # the bag left the topics out
+        inputs = np.stack(announced, axis=-1) if announced else unknown
+        return TeamArrays(inputs=inputs, **group(self.arrays, "estimate"))
 
     def with_arrays(self, arrays: Arrays) -> "RunRecord":
         """The same with other arrays in the place of these."""
