@@ -42,8 +42,8 @@ def _start(free_domain: int, tmp_path: Path) -> Iterator[Callable[..., subproces
     yield started
     for one in running:
         if one.poll() is None:
-            one.kill()
-            one.communicate()
+            one.send_signal(signal.SIGINT)
+            one.communicate(timeout=60.0)
 
 
 def _ended(process: subprocess.Popen[str]) -> Finished:
