@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -49,7 +50,7 @@ class Line:
     resistance_ohm: float
 
 
-@dataclass(frozen=True, slots=True, kw_only=True)
+@dataclass(frozen=True, kw_only=True)
 class Grid:
     """DGUs and the lines between them.
 
@@ -65,22 +66,17 @@ class Grid:
 
     def conductances(self, dgu: int) -> dict[int, float]:
         """Return 1/R_ij [S] of the lines at one DGU, by the number of the other DGU, ascending."""
-        found = {}
-        for line in self.lines:
-            if dgu in line.between:
-                first, second = line.between
-                found[second if first == dgu else first] = 1.0 / line.resistance_ohm
-        return dict(sorted(found.items()))
+        return dict(self._adjacent[dgu])
 
     def neighbours(self, dgu: int) -> tuple[int, ...]:
         """Return the numbers of the DGUs that share a line with one DGU, ascending."""
-        return tuple(self.conductances(dgu))
+        return tuple(self._adjacent[dgu])
 
     def component(self, dgu: int) -> tuple[int, ...]:
         """Return the numbers of all DGUs connected to one DGU by any path, itself included, ascending."""
         found, frontier = {dgu}, [dgu]
         while frontier:
-            for other in self.neighbours(frontier.pop()):
+            for other in self._adjacent[frontier.pop()]:
                 if other not in found:
                     found.add(other)
                     frontier.append(other)
@@ -88,7 +84,21 @@ class Grid:
 
     def components(self) -> tuple[tuple[int, ...], ...]:
         """Return the connected parts of the grid."""
-        return tuple(sorted({self.component(dgu) for dgu in self.dgus}))
+        parts, left = [], set(self.dgus)
+        for dgu in self.dgus:
+            if dgu in left:
+                parts.append(self.component(dgu))
+                left.difference_update(parts[-1])
+        return tuple(sorted(parts))
+
+    @cached_property
+    def _adjacent(self) -> Mapping[int, Mapping[int, float]]:
+        """1/R_ij [S] of the lines at each DGU, by the number of the other one, both ascending."""
+        found: dict[int, dict[int, float]] = {dgu: {} for dgu in self.dgus}
+        for line in self.lines:
+            first, second = line.between
+            found[first][second] = found[second][first] = 1.0 / line.resistance_ohm
+        return {dgu: dict(sorted(others.items())) for dgu, others in found.items()}
 
     def laplacian(self) -> FloatArray:
         """Return the unweighted graph Laplacian, shape (DGUs, DGUs)."""

@@ -1,5 +1,7 @@
 """State-space matrices of a DGU and of the whole grid, continuous and sampled."""
 
+from functools import lru_cache
+
 import numpy as np
 
 from dgu_sim.exponential import expm
@@ -69,8 +71,16 @@ def discretise(A_c: FloatArray, E_c: FloatArray, sampling_period_sec: float) -> 
     Returns:
         A (n, n) and E (n, m) of x+ = A x + E d.
     """
-    n, m = E_c.shape
+    A, E = _sampled(A_c.tobytes(), E_c.tobytes(), E_c.shape, sampling_period_sec)
+    return A.copy(), E.copy()
+
+
+@lru_cache(maxsize=20_000)  # most DGUs of a large grid are alike, and each is sampled for its check and its step
+def _sampled(
+    A_c: bytes, E_c: bytes, shape: tuple[int, int], sampling_period_sec: float
+) -> tuple[FloatArray, FloatArray]:
+    n, m = shape
     augmented = np.zeros((n + m, n + m))
-    augmented[:n, :n], augmented[:n, n:] = A_c, E_c
+    augmented[:n, :n], augmented[:n, n:] = np.frombuffer(A_c).reshape(n, n), np.frombuffer(E_c).reshape(n, m)
     sampled = expm(augmented * sampling_period_sec)
     return sampled[:n, :n], sampled[:n, n:]

@@ -52,20 +52,23 @@ def check_stability(scenario: Sections, grid: Grid) -> None:
 
 
 def _check_ids(ids: Sequence[int]) -> None:
+    seen = set(ids[:1])
     for index in range(1, len(ids)):
-        if ids[index] in ids[:index]:
+        if ids[index] in seen:
             raise finding(("dgus", index, "id"), ids[index], "expected an id that no other DGU has")
         if ids[index] < ids[index - 1]:
             raise finding(("dgus", index, "id"), ids[index], f"expected an id above {ids[index - 1]}: ids ascend")
+        seen.add(ids[index])
 
 
 def _check_lines(scenario: Sections) -> None:
     ids = [dgu.id for dgu in scenario.dgus]
+    known = set(ids)
     seen: set[frozenset[int]] = set()
     for index, line in enumerate(scenario.lines):
         key = ("lines", index, "between")
         for dgu in line.between:
-            if dgu not in ids:
+            if dgu not in known:
                 raise finding(
                     key, list(line.between), f"expected two of the DGUs {_listed(ids)}: there is no DGU {dgu}"
                 )
