@@ -4,8 +4,10 @@ import csv
 import io
 import re
 from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
+from tempfile import NamedTemporaryFile
 from typing import Any, Final
 
 import numpy as np
@@ -29,6 +31,7 @@ from bags.mcap.kinds import check_regular
 SUFFIXES: Final = (".csv", ".tsv", ".txt", ".dat", ".csv.gz", ".tsv.gz", ".txt.gz", ".csv.bz2", ".csv.zst")
 _HEAD_BYTES = 256 * 1024
 _BLOCK_BYTES = 1 << 20
+_TOO_LARGE = "it decompresses to an unreasonable size"
 _EXPANSION = 50
 _ALWAYS = 200_000_000
 
@@ -96,7 +99,8 @@ class TextTable:
         labels = [str(number) for number in range(len(dialect.names))]
         wanted = [labels[position] for position in positions]
         try:
-            with _bounded(self.file, blanks=dialect.separator == BLANK) as stream:
+            most = _most_bytes(self.file)
+            with _native(self.file, blanks=dialect.separator == BLANK) as stream:
                 reader = pa_csv.open_csv(
                     stream,
                     read_options=pa_csv.ReadOptions(
@@ -116,6 +120,7 @@ class TextTable:
                     ),
                 )
                 for batch in reader:
+                    _check_size(stream.tell(), most)
                     yield {int(name): batch.column(number) for number, name in enumerate(batch.schema.names)}
         except pa.ArrowInvalid as error:
             if str(error).strip().startswith("Empty CSV"):
@@ -156,7 +161,7 @@ def open_text(file: Path) -> TextTable:
     """
     check_regular(file)
     try:
-        with _bounded(file) as stream:
+        with _Bounded(file) as stream:
             raw = stream.read(_HEAD_BYTES)
     except (OSError, EOFError, pa.ArrowInvalid) as error:
         raise BagError(f"{file}: cannot be read ({_line(error)})") from error
@@ -175,14 +180,35 @@ def open_text(file: Path) -> TextTable:
     return TextTable(file=file, dialect=dialect, columns=columns, rows=-1, notes=())
 
 
-def _bounded(file: Path, *, blanks: bool = False) -> Any:  # noqa: ANN401 - pyarrow ships no types
-    """The file as a stream of its decompressed bytes, of which there may not be endlessly many.
+@contextmanager
+def _native(file: Path, *, blanks: bool) -> Iterator[Any]:
+    """The decompressed bytes as a stream of Arrow's own: it is read ahead in a thread, which must not need Python.
 
     Args:
         file: The file.
         blanks: Whether blanks separate its cells: one tab takes the place of any number of them.
     """
-    return pa.PythonFile(_Tabbed(file) if blanks else _Bounded(file), mode="r")
+    if not blanks:
+        with pa.input_stream(str(file), compression="detect") as stream:
+            yield stream
+        return
+    with NamedTemporaryFile(prefix="dcmg_table_") as tabbed:
+        written = _Tabbed(file)
+        while piece := written.read(_BLOCK_BYTES):
+            tabbed.write(piece)
+        tabbed.flush()
+        with pa.input_stream(tabbed.name, compression=None) as stream:
+            yield stream
+
+
+def _check_size(found: int, most: int) -> None:
+    if found > most:
+        raise OSError(_TOO_LARGE)
+
+
+def _most_bytes(file: Path) -> int:
+    """What a file may decompress to."""
+    return int(max(_ALWAYS, _EXPANSION * file.stat().st_size))
 
 
 class _Bounded(io.RawIOBase):
@@ -192,7 +218,7 @@ class _Bounded(io.RawIOBase):
         """Open the file."""
         super().__init__()
         self._stream = pa.input_stream(str(file), compression="detect")
-        self._left = max(_ALWAYS, _EXPANSION * file.stat().st_size)
+        self._left = _most_bytes(file)
 
     def readable(self) -> bool:
         """It is."""
@@ -207,7 +233,7 @@ class _Bounded(io.RawIOBase):
         found = bytes(self._stream.read(size if size >= 0 else None))
         self._left -= len(found)
         if self._left < 0:
-            raise OSError("it decompresses to an unreasonable size")
+            raise OSError(_TOO_LARGE)
         return found
 
     def readinto(self, buffer: Any) -> int:  # noqa: ANN401 - a writable buffer

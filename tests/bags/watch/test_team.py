@@ -161,7 +161,7 @@ def test_replay_in_windows_is_the_same(run: RunRecord) -> None:
 
 def test_a_bag_without_a_team_cannot_get_one(record: RunRecord) -> None:
     """A replay cannot invent the record of the whole grid."""
-    with pytest.raises(BagError, match=r"/grid/history, expected the record of a run with monitor\.team"):
+    with pytest.raises(BagError, match=r"/dgu_1/estimate, expected the record of a run with monitor\.team"):
         replay(record, ["monitor.team={settle_sec: 0.1, calibrate_sec: 0.5}"])
 
 
