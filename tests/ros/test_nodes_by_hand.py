@@ -33,7 +33,8 @@ def _start(free_domain: int, tmp_path: Path) -> Iterator[Callable[..., subproces
     ) -> subprocess.Popen[str]:
         sets = [word for change in changes for word in ("--set", change)]
         command = [*DCMG, "node", *names, "--scenario", "gallo_six_dgu", "--out", str(tmp_path / out), *sets, *options]
-        environment = {**os.environ, "ROS_DOMAIN_ID": str(free_domain)}
+        # without shared memory, of which a killed process leaves files that other tests would find
+        environment = {**os.environ, "ROS_DOMAIN_ID": str(free_domain), "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
         running.append(
             subprocess.Popen(command, env=environment, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
         )

@@ -65,7 +65,7 @@ class ClockNode:
         self._report_timer = node.create_timer(_REPORT_SEC, self._report)
 
     def _on_ready(self, message: Ready) -> None:
-        if message.run != self._run:
+        if message.run not in {"", self._run}:
             return  # not of this run: its own process says so
         self._waiting.discard(message.node)
         if not self._waiting and not self._t0:

@@ -74,7 +74,7 @@ class Companions:
         self._timer = node.create_timer(_LOOK_SEC, self._look)
 
     def _on_ready(self, message: Ready) -> None:
-        if message.run != self._wiring.run and not self._is_running():
+        if message.run not in {"", self._wiring.run} and not self._is_running():
             self._stray = self._stray or f"{message.node} runs {message.run}"
 
     def _look(self) -> None:

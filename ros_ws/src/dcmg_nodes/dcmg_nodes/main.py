@@ -25,6 +25,7 @@ from dcmg_nodes.companions import Companions, Patience, taken_names
 from dcmg_nodes.dgu_node import DguConfig, DguNode
 from dcmg_nodes.errors import NodeError
 from dcmg_nodes.executor import make_executor, spin_until
+from dcmg_nodes.farewell import ends_within
 from dcmg_nodes.host import host_of
 from dcmg_nodes.monitor_node import MonitorConfig, MonitorNode
 from dcmg_nodes.options import BAG, NodeOptions
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
 
 _SIGNAL_CHECK_SEC = 0.1
 _STALL_PERIODS = 5
+_FAREWELL_SEC = 3
 
 
 def run_nodes(names: Sequence[str], scenario: Scenario, options: NodeOptions) -> str | None:
@@ -123,8 +125,12 @@ class _Builder:
     def build(self, name: str) -> Ports:
         """Make the node and have it destroyed when the process ends."""
         ports = self._makers[name]()
-        self._stack.callback(ports.node.destroy_node)
+        self._stack.callback(self._destroy, ports)
         return ports
+
+    def _destroy(self, ports: Ports) -> None:
+        with ends_within(_FAREWELL_SEC, 0 if self._host.lifetime.failure is None else 1):
+            ports.node.destroy_node()
 
     def _clock(self) -> Ports:
         config = ClockConfig(
