@@ -6,6 +6,7 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from dcmg.errors import CommandError
+from dcmg_nodes.farewell import destroy
 
 if TYPE_CHECKING:
     from collections.abc import Mapping
@@ -56,5 +57,5 @@ class ServiceClient:
 
     def close(self) -> None:
         """Leave the domain."""
-        self._node.destroy_node()
+        destroy(self._node, 1)
         self._rclpy.try_shutdown()

@@ -14,6 +14,9 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
+    from rclpy.node import Node
+
+_LEAVES_SEC = 3
 _CLOCK_MONOTONIC, _SIGEV_THREAD = 1, 2
 
 
@@ -50,3 +53,9 @@ def ends_within(seconds: int, code: int) -> Iterator[None]:
     finally:
         if armed:
             libc.timer_delete(timer)
+
+
+def destroy(node: Node, code: int) -> None:
+    """Destroy a node; if that does not come to its end, end the process with an exit code."""
+    with ends_within(_LEAVES_SEC, code):
+        node.destroy_node()

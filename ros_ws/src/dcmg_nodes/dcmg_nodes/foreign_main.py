@@ -14,6 +14,7 @@ from bags.foreign.importing import attach_mapping
 from bags.mcap.writer import BagWriter
 from dcmg_nodes.errors import NodeError
 from dcmg_nodes.executor import make_executor, spin_until
+from dcmg_nodes.farewell import destroy
 from dcmg_nodes.foreign_monitor_node import NAME, ForeignConfig, ForeignMonitorNode
 from dcmg_nodes.lifetime import Lifetime
 from dcmg_nodes.options import ExecutorKind
@@ -87,7 +88,7 @@ def watch_foreign_topics(
                 mapping=mapping, monitors=monitors, wait_sec=wait_sec, steps=steps, writer=writer, say=say
             )
             node = ForeignMonitorNode(config, lifetime)
-            stack.callback(node.node.destroy_node)
+            stack.callback(destroy, node.node, 1)
             executor = make_executor(ExecutorKind.EVENTS, node.node)
             stack.callback(executor.shutdown)
             node.node.create_timer(_SIGNAL_CHECK_SEC, lambda: None)  # Python sees signals between callbacks only

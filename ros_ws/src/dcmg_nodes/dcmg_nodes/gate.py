@@ -22,6 +22,7 @@ from rclpy.task import Future
 from bags.wire.schema import ATTACKER_NODE
 from dcmg_nodes.errands import Errands
 from dcmg_nodes.executor import make_executor, spin_until
+from dcmg_nodes.farewell import destroy
 from dcmg_nodes.lifetime import Lifetime
 from dcmg_nodes.mirror import Mirror
 from dcmg_nodes.options import GATE, ExecutorKind
@@ -86,5 +87,5 @@ def _node(name: str, domain: int, stack: ExitStack) -> Node:
 
 def _node_in(name: str, context: rclpy.Context, stack: ExitStack) -> Node:
     node = Node(name, context=context, enable_rosout=False, start_parameter_services=False)
-    stack.callback(node.destroy_node)
+    stack.callback(destroy, node, 0)
     return node

@@ -25,7 +25,7 @@ from dcmg_nodes.companions import Companions, Patience, taken_names
 from dcmg_nodes.dgu_node import DguConfig, DguNode
 from dcmg_nodes.errors import NodeError
 from dcmg_nodes.executor import make_executor, spin_until
-from dcmg_nodes.farewell import ends_within
+from dcmg_nodes.farewell import destroy
 from dcmg_nodes.host import host_of
 from dcmg_nodes.monitor_node import MonitorConfig, MonitorNode
 from dcmg_nodes.options import BAG, NodeOptions
@@ -45,7 +45,6 @@ if TYPE_CHECKING:
 
 _SIGNAL_CHECK_SEC = 0.1
 _STALL_PERIODS = 5
-_FAREWELL_SEC = 3
 
 
 def run_nodes(names: Sequence[str], scenario: Scenario, options: NodeOptions) -> str | None:
@@ -129,8 +128,7 @@ class _Builder:
         return ports
 
     def _destroy(self, ports: Ports) -> None:
-        with ends_within(_FAREWELL_SEC, 0 if self._host.lifetime.failure is None else 1):
-            ports.node.destroy_node()
+        destroy(ports.node, 0 if self._host.lifetime.failure is None else 1)
 
     def _clock(self) -> Ports:
         config = ClockConfig(

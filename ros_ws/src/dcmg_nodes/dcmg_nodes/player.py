@@ -16,6 +16,7 @@ from rclpy.task import Future
 from bags.runs.playback import Moment
 from dcmg_nodes.errors import NodeError
 from dcmg_nodes.executor import make_executor, spin_until
+from dcmg_nodes.farewell import destroy
 from dcmg_nodes.options import ExecutorKind
 from dcmg_nodes.pace import Pace
 from dcmg_nodes.player_node import PlayerNode
@@ -68,7 +69,7 @@ class _Player:
         names = {topic.name for topic in held}
         # live nodes hold the replay back themselves; who else listens cannot fall behind further than their window
         self._node = PlayerNode(playback, names, 0 if options.live else options.queue, self._control)
-        stack.callback(self._node.node.destroy_node)
+        stack.callback(destroy, self._node.node, 1)
         self._stand_in: StandIn | None = None
         if options.wiring is not None:
             doubled = doubled_steps(options.wiring, playback)

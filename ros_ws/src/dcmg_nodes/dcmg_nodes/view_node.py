@@ -11,6 +11,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.qos import QoSProfile, ReliabilityPolicy
 
+from dcmg_nodes.farewell import destroy
 from dcmg_nodes.ports import CONTROL_QOS
 from dcmg_nodes.ros_arguments import ros_arguments
 from dcmg_nodes.wiring import END, PACING, PROGRESS
@@ -56,7 +57,7 @@ class ViewNode:
         if not self._context.ok():
             return
         self._executor.shutdown()
-        self._node.destroy_node()
+        destroy(self._node, 1)
         self._context.try_shutdown()
 
     def _on_progress(self, message: Progress) -> None:
