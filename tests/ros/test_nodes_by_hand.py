@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 import subprocess
+import sys
 from typing import TYPE_CHECKING
 
 import pytest
@@ -21,6 +22,7 @@ FIRST = ("clock", "attacker", "dgu_1", "dgu_2")
 SECOND = (*(f"dgu_{number}" for number in range(3, 7)), *(f"monitor_{number}" for number in range(1, 7)), "recorder")
 SHORT = ("duration_sec=1.0", "attacks=[]")
 LONG = ("duration_sec=600.0", "attacks=[]")
+BLIND = "import dcmg_nodes.companions as it; it._PROBE_SEC, it._LOOK_SEC = 0.0, 5.0; from dcmg.cli import main; main()"
 
 
 @pytest.fixture(name="start")
@@ -29,10 +31,11 @@ def _start(free_domain: int, tmp_path: Path) -> Iterator[Callable[..., subproces
     running = []
 
     def started(
-        names: tuple[str, ...], changes: tuple[str, ...], *options: str, out: str = "out"
+        names: tuple[str, ...], changes: tuple[str, ...], *options: str, out: str = "out", blind: bool = False
     ) -> subprocess.Popen[str]:
         sets = [word for change in changes for word in ("--set", change)]
-        command = [*DCMG, "node", *names, "--scenario", "gallo_six_dgu", "--out", str(tmp_path / out), *sets, *options]
+        dcmg = (sys.executable, "-c", BLIND) if blind else DCMG
+        command = [*dcmg, "node", *names, "--scenario", "gallo_six_dgu", "--out", str(tmp_path / out), *sets, *options]
         # without shared memory, of which a killed process leaves files that other tests would find
         environment = {**os.environ, "ROS_DOMAIN_ID": str(free_domain), "FASTDDS_BUILTIN_TRANSPORTS": "UDPv4"}
         running.append(
@@ -109,4 +112,19 @@ def test_whoever_comes_second_gives_way(start: Callable[..., subprocess.Popen[st
         assert one.poll() is None
         one.send_signal(signal.SIGINT)
     assert [_ended(one).code for one in run] == [0, 0]
+    assert check(tmp_path / "out" / "bag").clean
+
+
+def test_a_system_that_finds_another_late_gives_way(
+    start: Callable[..., subprocess.Popen[str]], tmp_path: Path
+) -> None:
+    """It has begun on its own, since it is whole; the older one goes on and its bag is clean."""
+    first = start((*FIRST, *SECOND), LONG)
+    wait_until(lambda: _records(tmp_path / "out") or first.poll() is not None)
+    late = _ended(start((*FIRST, *SECOND), LONG, out="other", blind=True))
+    assert late.code == 1
+    assert "et another ROS_DOMAIN_ID" in late.err
+    assert first.poll() is None
+    first.send_signal(signal.SIGINT)
+    assert _ended(first).code == 0
     assert check(tmp_path / "out" / "bag").clean

@@ -69,11 +69,15 @@ class Companions:
         self._seen: set[str] = set()
         self._gone_since: dict[str, float] = {}
         self._stray, self._alike_until = "", self._begun
+        self._since_ns = {one.name: one.since_ns for one in ports}
+        self._older: set[str] = set()
         node = ports[0].node
         self._ready = node.create_subscription(Ready, READY, self._on_ready, CONTROL_QOS)
         self._timer = node.create_timer(_LOOK_SEC, self._look)
 
     def _on_ready(self, message: Ready) -> None:
+        if message.since_ns < self._since_ns.get(message.node, 0):
+            self._older.add(message.node)
         if message.run not in {"", self._wiring.run} and not self._is_running():
             self._stray = self._stray or f"{message.node} runs {message.run}"
 
@@ -100,8 +104,11 @@ class Companions:
         return ""
 
     def _twice(self, there: Counter[str]) -> str:
+        """Before the run everybody ends; during it, whoever came later and did not find the others in time."""
         several = [name for name in self._wiring.nodes if there[name] > 1]
-        if not several or self._is_running():
+        if self._is_running():
+            several = [name for name in several if name in self._older]
+        if not several:
             return ""
         return f"{_listed(several)} more than once in this ROS domain: another run? Set another ROS_DOMAIN_ID"
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import importlib
 import inspect
+import time
 from functools import partial
 from typing import TYPE_CHECKING, Any
 
@@ -61,7 +62,7 @@ class Ports:
 
     def __init__(self, name: str, wiring: Wiring, host: Host) -> None:
         """Create the rclpy node, its data publishers and its run-control topics."""
-        self.name = name
+        self.name, self.since_ns = name, time.time_ns()
         self.lifetime = host.lifetime
         self._bus, self._alone = host.bus, host.alone
         self._announced = False
@@ -207,7 +208,7 @@ class Ports:
         if self._prepared() and not self.unmatched():
             self.node.destroy_timer(self._timer)
             self._announced = True
-            self._ready.publish(Ready(node=self.name, run=self.wiring.run))
+            self._ready.publish(Ready(node=self.name, run=self.wiring.run, since_ns=self.since_ns))
 
     def _once_announced(self, on_bytes: Callable[[bytes], None]) -> Callable[[bytes], None]:
         """Take no step of a run that began without this node: another one of its name is part of it."""
