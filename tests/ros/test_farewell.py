@@ -18,7 +18,7 @@ import time
 from dcmg_nodes.farewell import ends_within
 with ends_within(1, 7):
     pass
-time.sleep(1.5)
+time.sleep(1.5)  # longer than the timer would have run
 """
 
 

@@ -8,7 +8,7 @@ that no Python thread and no Python signal handler runs; a timer of the C librar
 from __future__ import annotations
 
 import ctypes
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
@@ -42,7 +42,10 @@ class _Times(ctypes.Structure):
 @contextmanager
 def ends_within(seconds: int, code: int) -> Iterator[None]:
     """End the process with an exit code if the `with` block takes longer, whatever holds it up."""
-    libc, timer = ctypes.CDLL(None), ctypes.c_void_p()
+    libc, timer = _library(), ctypes.c_void_p()
+    if libc is None:
+        yield
+        return
     leave = ctypes.cast(libc._exit, ctypes.c_void_p).value  # noqa: SLF001 - the C function of that name
     event = _Event(value=code, notify=_SIGEV_THREAD, function=leave)
     armed = libc.timer_create(_CLOCK_MONOTONIC, ctypes.byref(event), ctypes.byref(timer)) == 0
@@ -53,6 +56,16 @@ def ends_within(seconds: int, code: int) -> Iterator[None]:
     finally:
         if armed:
             libc.timer_delete(timer)
+
+
+def _library() -> ctypes.CDLL | None:
+    """What has the timers: glibc itself, or a library beside it before 2.34; None where there is neither."""
+    for name in (None, "librt.so.1"):
+        with suppress(OSError):
+            library = ctypes.CDLL(name)
+            if hasattr(library, "timer_create") and hasattr(library, "_exit"):
+                return library
+    return None
 
 
 def destroy(node: Node, code: int) -> None:

@@ -95,7 +95,7 @@ def _check_free(names: Sequence[str]) -> None:
     try:
         taken = taken_names(probe, names)
     finally:
-        probe.destroy_node()
+        destroy(probe, 1)
     if taken:
         raise NodeError(f"{', '.join(taken)}: in this ROS domain already, of another run? Set another ROS_DOMAIN_ID")
 
