@@ -71,7 +71,8 @@ def discretise(A_c: FloatArray, E_c: FloatArray, sampling_period_sec: float) -> 
     Returns:
         A (n, n) and E (n, m) of x+ = A x + E d.
     """
-    A, E = _sampled(A_c.tobytes(), E_c.tobytes(), E_c.shape, sampling_period_sec)
+    known = [np.asarray(one, dtype=np.float64).tobytes() for one in (A_c, E_c)]
+    A, E = _sampled(*known, E_c.shape, sampling_period_sec)
     return A.copy(), E.copy()
 
 

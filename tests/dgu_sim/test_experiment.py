@@ -1,6 +1,7 @@
 """The offline experiment."""
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -96,3 +97,15 @@ def test_noise_and_rounding_are_applied_to_the_record(shipped: Callable[..., Sce
     assert abs((noisy.x - clean.x).std() / 1e-3 - 1.0) < 5.0 / np.sqrt(2 * clean.x.size)
     assert np.array_equal(rounded.x, clean.x.astype(np.float32))
     assert np.linalg.matrix_rank(_stacked(rounded.x), tol=1e-10) == 6
+
+
+def test_matrices_of_whole_numbers_are_sampled_as_others() -> None:
+    """Whole numbers, Fortran's order, what was sampled before: the same matrices, and nobody's changes are others'."""
+    A, E = np.array([[0, 1], [-2, -3]]), np.array([[0], [1]])
+    wanted = discretise(A.astype(float), E.astype(float), 0.1)
+    odd: list[tuple[Any, Any]] = [(A, E), (np.asfortranarray(A), np.asfortranarray(E, dtype=np.float32))]
+    for A_c, E_c in odd:
+        found = discretise(A_c, E_c, 0.1)
+        for one, other in zip(found, wanted, strict=True):
+            np.testing.assert_array_equal(one, other)
+        found[0][:] = 0.0
