@@ -25,12 +25,10 @@ def split_words(words: Sequence[str]) -> tuple[list[str], list[str]]:
     ours: list[str] = []
     for_ros: list[str] = []
     inside = False
-    for word in words:
-        if word == _BEGIN:
-            inside = True
-        elif inside and word == _END:
-            inside = False
-            for_ros.append(word)
-            continue
+    for position, word in enumerate(words):
+        if word == _END and not inside:  # what stands behind is another program's, `--ros-args` included
+            return [*ours, *words[position:]], for_ros
+        inside = inside or word == _BEGIN
         (for_ros if inside else ours).append(word)
+        inside = inside and word != _END
     return ours, for_ros

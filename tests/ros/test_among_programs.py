@@ -37,6 +37,12 @@ PREFIX = Path(sys.prefix)
             ["--ros-args", "--log-level", "info", "--"],
         ),
         (["run", "--", "-x"], ["run", "--", "-x"], []),
+        (["attach", "--", "a", "--ros-args", "-p", "b:=1"], ["attach", "--", "a", "--ros-args", "-p", "b:=1"], []),
+        (
+            ["--ros-args", "-p", "a:=1", "--", "attach", "--", "a"],
+            ["attach", "--", "a"],
+            ["--ros-args", "-p", "a:=1", "--"],
+        ),
         (["run", "x", "--ros-args"], ["run", "x"], ["--ros-args"]),
     ],
 )
