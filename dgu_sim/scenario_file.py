@@ -48,9 +48,11 @@ def read_text(path: Path, what: str) -> str:
     """Return the text of a file, "scenario file" in messages.
 
     Raises:
-        ScenarioError: It cannot be read.
+        ScenarioError: It cannot be read, or is a pipe or the like, which would be waited for.
     """
     try:
+        if not (path.is_file() or path.is_dir()) and path.exists():
+            raise ScenarioError(f"{path}: is no regular file, expected a {what}")
         return path.read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "not UTF-8 text"

@@ -11,7 +11,6 @@ from bags.foreign.sampling import Policy
 from bags.foreign.stamps import Stamps
 from bags.foreign.units import factor_of
 from bags.mcap.errors import BagError
-from bags.mcap.kinds import check_regular
 from bags.wire.row import Widths
 from dgu_sim.errors import ScenarioError
 from dgu_sim.grid import Link
@@ -194,8 +193,6 @@ def load_data(path: Path | str) -> dict[str, Any]:
     """
     path = Path(path)
     try:
-        if path.exists() and not path.is_dir():
-            check_regular(path, "a mapping file")
         data = parse_yaml(read_text(path, "mapping file"), str(path))
         embed_waveforms(data, str(path), path.parent)
     except ScenarioError as error:

@@ -58,7 +58,7 @@ def kind_of(file: Path) -> Kind:
     return next((kind for magic, kind in _MAGICS.items() if start.startswith(magic)), Kind.OTHER)
 
 
-def check_regular(file: Path, expected: str = "a recording") -> None:
+def check_regular(file: Path) -> None:
     """Refuse what is no regular file: reading a pipe waits for whoever writes into it.
 
     Raises:
@@ -69,4 +69,4 @@ def check_regular(file: Path, expected: str = "a recording") -> None:
     except OSError as error:
         raise BagError(f"{file}: cannot be read ({error.strerror or error})") from error
     if not stat.S_ISREG(mode):
-        raise BagError(f"{file}: is no regular file, expected {expected}")
+        raise BagError(f"{file}: is no regular file, expected a recording")
