@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass
 from typing import TYPE_CHECKING, TypeVar
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING, TypeVar
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
 from monitor.errors import HistoryError, MonitorError, OptionError
+from monitor.suggestions import meant
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping
@@ -58,8 +58,7 @@ def check_kind(what: str, kind: str, known: Collection[str]) -> None:
 
 def expected_one(found: str, known: Collection[str]) -> str:
     """Name what is known, with the one that is probably meant."""
-    close = difflib.get_close_matches(found, known, 1)
-    return f"expected one of {', '.join(known)}" + (f"; did you mean {close[0]}?" if close else "")
+    return f"expected one of {', '.join(known)}; {meant(found, known)}".removesuffix("; ")
 
 
 @contextmanager

@@ -1,11 +1,12 @@
 """The base of everything that monitors are told."""
 
 from collections.abc import Mapping
-from difflib import get_close_matches
 from typing import Annotated, TypeAlias
 
 from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field, model_validator
 from pydantic_core import PydanticCustomError
+
+from monitor.suggestions import meant
 
 __all__ = ["NonNegative", "Number", "Settings", "Spread3", "Vector3", "finding"]
 
@@ -57,8 +58,7 @@ class Settings(BaseModel):
     def _known_keys(cls, data: object) -> object:
         for key, value in data.items() if isinstance(data, Mapping) else ():
             if key not in cls.model_fields:
-                close = get_close_matches(str(key), cls.model_fields, 1)
-                hint = f"did you mean {close[0]}? " if close else ""
+                hint = f"no such key: {meant(key, cls.model_fields)}".strip()
                 known = ", ".join(cls.model_fields)
-                raise finding((str(key),), value, f"no such key: {hint}known keys are {known}")
+                raise finding((str(key),), value, f"{hint} known keys are {known}")
         return data
