@@ -96,7 +96,7 @@ def reproduce(path: Path | str, out: Path | str, progress: Callable[[int], None]
     designs = design_scenario(scenario, carried=read_carried(path))
     simulate_to_bag(scenario, out, progress, designs=designs)
     end_ns = run.steps * run.topics.sampling_period_ns  # what is there of a step that broke off does not count
-    recorded, again = dict(_digests(path, end_ns)), dict(_digests(out, end_ns))
+    recorded, again = _digests(path, end_ns), _digests(out, end_ns)
     left_out = {}
     if by_hand(run):
         left_out[table.ATTACKS.name] = "it tells who asked for an attack"
@@ -152,17 +152,17 @@ def _stop(run: Run, attack: dict[str, Any], events: list[RelayEvent], period_sec
     attack["stop_sec"] = steps.pop() * period_sec
 
 
-def _digests(path: Path, end_ns: int) -> Iterator[tuple[str, tuple[int, bytes]]]:
-    """Of each topic: how many messages, and a digest of all of them in their order."""
-    found: dict[str, tuple[int, Any]] = {}
+def _digests(path: Path, end_ns: int) -> dict[str, tuple[int, bytes]]:
+    """Of each topic: how many messages, none too, and a digest of all of them in their order."""
     with open_recorded(path) as recorded:
+        found: dict[str, tuple[int, Any]] = {topic: (0, sha256()) for topic in recorded.topics}
         for message in recorded.messages(recorded.channels):
             if message.time_ns >= end_ns:
                 continue
-            count, digest = found.get(message.channel.topic) or (0, sha256())
+            count, digest = found[message.channel.topic]
             digest.update(len(message.data).to_bytes(8, "little") + message.data)
             found[message.channel.topic] = (count + 1, digest)
-    yield from ((topic, (count, digest.digest())) for topic, (count, digest) in found.items())
+    return {topic: (count, digest.digest()) for topic, (count, digest) in found.items()}
 
 
 def _first_difference(one: Path, other: Path, topic: str, end_ns: int) -> int:

@@ -44,6 +44,17 @@ def test_what_differs_is_named(bag: Path, tmp_path: Path, monkeypatch: pytest.Mo
     assert not found.document()["identical"]
 
 
+def test_what_was_not_said_differs_from_what_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A topic on which the recorded run was silent, such as alarms, counts like any other."""
+    calm = load_scenario(scenario_path("gallo_six_dgu"), (SHORT[0], "attacks=[]"))
+    quiet = simulate_to_bag(calm, tmp_path / "quiet")
+    attacked = load_scenario(scenario_path("gallo_six_dgu"), SHORT)
+    monkeypatch.setattr("bags.runs.reproduce._steered", lambda _: attacked)
+    found = reproduce(quiet, tmp_path / "again").differing
+    assert found["/dgu_2/alarms"][:2] == (1, 0)
+    assert found["/attacks/events"] == (1, 0, 2)
+
+
 def test_a_bag_without_a_scenario_is_refused(tmp_path: Path) -> None:
     """One line."""
     with pytest.raises(BagError, match="nowhere"):
