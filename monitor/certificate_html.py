@@ -32,11 +32,11 @@ def as_html(title: str, certificate: Certificate) -> str:
 def _picture(certificate: Certificate) -> str:
     """Poles in the unit circle, and the residual's gain by component, as SVG."""
     dynamics, residual = certificate.dynamics, certificate.residual
-    if dynamics is None or residual is None or not len(dynamics.eigenvalues):
+    if dynamics is None or residual is None:
         return ""
     from matplotlib.figure import Figure  # noqa: PLC0415 (only a notebook draws)
 
-    figure = Figure(figsize=(7.0, 2.8), layout="constrained")
+    figure = Figure(figsize=(8.0, 2.8), layout="constrained")
     poles, gains = figure.subplots(1, 2)
     around = np.linspace(0.0, 2.0 * np.pi, 200)
     poles.plot(np.cos(around), np.sin(around), color="0.7")
@@ -46,7 +46,7 @@ def _picture(certificate: Certificate) -> str:
     gains.bar(outputs - 0.2, np.abs(residual.peak_gain).max(axis=0), width=0.4, label="at its peak")
     gains.bar(outputs + 0.2, np.abs(residual.dc_gain).max(axis=0), width=0.4, label="steady")
     gains.set(title="largest residual of a unit bias", xlabel="attacked output", xticks=outputs)
-    gains.legend()
+    figure.legend(loc="outside right upper")
     drawn = io.StringIO()
     figure.savefig(drawn, format="svg")
     return drawn.getvalue()[drawn.getvalue().index("<svg") :]
