@@ -1,6 +1,9 @@
-"""The arrays of a MAT file, read in a process of its own: scipy's reader can crash on a damaged one."""
+"""The arrays of a MAT file, read in a process of its own: scipy's reader can crash on a damaged one.
 
-import pickle
+What comes back from there are the bytes of an .npz file without objects: nothing that a file holds is ever run.
+"""
+
+import io
 import subprocess
 import sys
 from pathlib import Path
@@ -11,6 +14,8 @@ from numpy.typing import NDArray
 
 from bags.mcap.errors import BagError
 
+_REASON, _ARRAY = "reason", "array "  # names in what comes back
+
 
 def mat_arrays(file: Path) -> dict[str, NDArray[Any]]:
     """The arrays by name, `structure.field` for those inside a structure.
@@ -18,20 +23,21 @@ def mat_arrays(file: Path) -> dict[str, NDArray[Any]]:
     Raises:
         BagError: They cannot be read.
     """
-    # no pool of processes: that runs the user's script once more
-    words = [sys.executable, "-m", __name__, str(file.resolve())]
+    # no pool of processes, which runs the user's script once more; no module of the working folder
+    words = [sys.executable, "-P", "-m", __name__, str(file.resolve())]
     done = subprocess.run(words, stdout=subprocess.PIPE, stderr=subprocess.DEVNULL, check=False)  # noqa: S603 - ourselves
     if done.returncode:
         raise BagError(f"{file}: cannot be read as MAT (damaged: its reader crashed)")
-    found = pickle.loads(done.stdout)  # noqa: S301 - written below
-    if isinstance(found, str):
-        raise BagError(f"{file}: cannot be read as MAT ({found:.200})")
-    arrays: dict[str, NDArray[Any]] = found
-    return arrays
+    with np.load(io.BytesIO(done.stdout), allow_pickle=False) as read:
+        found = dict(read)
+    reason = found.pop(_REASON, None)
+    if reason is not None:
+        raise BagError(f"{file}: cannot be read as MAT ({reason!s:.200})")
+    return {name.removeprefix(_ARRAY): values for name, values in found.items()}
 
 
-def _read(file: Path) -> dict[str, NDArray[Any]] | str:
-    """The arrays, or why there are none."""
+def _read(file: Path) -> dict[str, NDArray[Any]]:
+    """The arrays, or why there are none; what holds no numbers as texts of its shape."""
     from scipy.io import loadmat  # noqa: PLC0415 - heavy
 
     arrays: dict[str, NDArray[Any]] = {}
@@ -40,8 +46,11 @@ def _read(file: Path) -> dict[str, NDArray[Any]] | str:
             if not name.startswith("__"):
                 _flatten(name, value, arrays)
     except Exception as error:  # noqa: BLE001 - scipy raises whatever the damaged bytes lead to
-        return " ".join(str(error).split()) or type(error).__name__
-    return arrays
+        return {_REASON: np.array(" ".join(str(error).split()) or type(error).__name__)}
+    return {
+        f"{_ARRAY}{name}": values if values.dtype.kind in "biufcSU" else np.empty(values.shape, dtype="U1")
+        for name, values in arrays.items()
+    }
 
 
 def _flatten(name: str, value: Any, found: dict[str, NDArray[Any]]) -> None:  # noqa: ANN401 - of scipy
@@ -53,4 +62,4 @@ def _flatten(name: str, value: Any, found: dict[str, NDArray[Any]]) -> None:  # 
 
 
 if __name__ == "__main__":
-    sys.stdout.buffer.write(pickle.dumps(_read(Path(sys.argv[1]))))
+    np.savez(sys.stdout.buffer, **_read(Path(sys.argv[1])))  # type: ignore[arg-type] # its names are no keywords of numpy
