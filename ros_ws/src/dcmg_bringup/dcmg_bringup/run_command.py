@@ -16,6 +16,7 @@ from dcmg.errors import CommandError
 from dcmg_nodes.options import PacingMode
 
 if TYPE_CHECKING:
+    from collections.abc import Sequence
     from pathlib import Path
 
     from bags.mcap.recording import Recording
@@ -39,7 +40,7 @@ def run(
         str | None,
         typer.Option(
             metavar="SECONDS|forever",
-            help="simulated length of the run [s]; forever, the default in real time: until Ctrl-C",
+            help="length of the run [s]; forever, the default in real time if no `--set` tells: until Ctrl-C",
             show_default=False,
         ),
     ] = None,
@@ -67,7 +68,7 @@ def run(
     """Run a scenario over ROS 2: one process per node, recorded to a bag."""
     chosen = options.ScenarioOptions(
         name=scenario,
-        duration_sec=_duration_sec(duration, pacing),
+        duration_sec=_duration_sec(duration, pacing, set_ or []),
         seed=seed,
         out=out,
         overrides=set_ or [],
@@ -99,9 +100,10 @@ def run(
     raise typer.Exit(code)
 
 
-def _duration_sec(text: str | None, pacing: PacingMode) -> float | None:
-    """Read --duration; None: as the scenario says."""
-    if text == FOREVER or (text is None and pacing is PacingMode.REALTIME):
+def _duration_sec(text: str | None, pacing: PacingMode, overrides: Sequence[str]) -> float | None:
+    """Read --duration; None: as the scenario and its overrides say."""
+    is_told = any(override.partition("=")[0].strip() == "duration_sec" for override in overrides)
+    if text == FOREVER or (text is None and pacing is PacingMode.REALTIME and not is_told):
         return _FOREVER_SEC
     try:
         return None if text is None else float(text)
