@@ -8,6 +8,7 @@ import signal
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import pytest
 
 from bags.runs.reader import read_run
 from dgu_sim.grid import Link
@@ -31,14 +32,15 @@ def test_an_attack_by_hand_is_on_the_wire_and_in_the_bag(
     assert started.code == 0, started.err
     listed = dcmg("attack", "list", "--json", *here)
     assert listed.code == 0, listed.err
-    assert [(one["link"], one["kind"], one["active"], one["origin"]) for one in json.loads(listed.out)] == [
-        ("1-2", "bias", True, "service")
-    ]
+    (attack,) = json.loads(listed.out)
+    assert [attack[key] for key in ("link", "kind", "active", "origin")] == ["1-2", "bias", True, "service"]
     stopped = dcmg("attack", "stop", "1-2", *here)
     assert stopped.code == 0, stopped.err
     assert run.end(signal.SIGINT).code == 0  # that is how a run in real time ends
 
     first, last = (int(re.findall(r"step (\d+)", one.out)[0]) for one in (started, stopped))
+    assert attack["start_step"] == first
+    assert attack["start_sec"] == pytest.approx(first * 0.01, abs=1e-9)
     record = read_run(run.bag)
     assert [(event.action, event.step, event.origin.value) for event in record.events] == [
         (Action.START, first, "service"),

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from dcmg_msgs.msg import AttackEvent
 from dcmg_msgs.srv import ListAttacks, StartAttack, StopAttack
+from rclpy.serialization import deserialize_message
 
 from bags.wire.schema import ATTACKER_NODE
 from dcmg_nodes.attack_services import LIST_SERVICE, START_SERVICE, STOP_SERVICE
@@ -102,17 +103,6 @@ class AttackerNode:
     def _on_list(self, _request: ListAttacks.Request, response: ListAttacks.Response) -> ListAttacks.Response:
         response.step = self._step
         for event, stop_sec in self._relay.pending(self._state):
-            response.attacks.append(
-                AttackEvent(
-                    step=event.step,
-                    attack=event.attack,
-                    source=event.link.source,
-                    target=event.link.target,
-                    action=AttackEvent.START,
-                    kind=event.kind,
-                    parameters=event.parameters,
-                    origin=event.origin,
-                )
-            )
+            response.attacks.append(deserialize_message(self._events.encode(event), AttackEvent))
             response.stop_sec.append(stop_sec)
         return response
