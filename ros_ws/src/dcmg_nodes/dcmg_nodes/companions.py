@@ -26,6 +26,7 @@ _SAY_SEC = 5.0
 _GONE_SEC = 3.0  # longer than the news of the end of a run takes
 _PROBE_SEC = 2.0
 _TOLD_SEC = 2.0  # until the others have heard the same
+_YOUNG_SEC = 60.0  # discovery takes less; what has run longer gives way to nobody, whatever a host's clock says
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -86,7 +87,7 @@ class Companions:
         progress = self._progress()
         if progress != self._before:
             self._before, self._moved = progress, now
-        trouble = self._other_run(now) or self._twice(there) or self._gone(there, now) or self._waiting(there, now)
+        trouble = self._other_run(now) or self._twice(there, now) or self._gone(there, now) or self._waiting(there, now)
         if trouble:
             self._lifetime.fail(self._ports[0].name, trouble)
 
@@ -103,11 +104,12 @@ class Companions:
             return f"{self._stray}, and this node {self._wiring.run}: give all nodes the same scenario"
         return ""
 
-    def _twice(self, there: Counter[str]) -> str:
+    def _twice(self, there: Counter[str], now: float) -> str:
         """Before the run everybody ends; during it, whoever came later and did not find the others in time."""
         several = [name for name in self._wiring.nodes if there[name] > 1]
         if self._is_running():
-            several = [name for name in several if name in self._older]
+            is_young = now - self._begun < _YOUNG_SEC
+            several = [name for name in several if is_young and name in self._older]
         if not several:
             return ""
         return f"{_listed(several)} more than once in this ROS domain: another run? Set another ROS_DOMAIN_ID"
