@@ -70,7 +70,7 @@ def test_two_processes_make_a_run(start: Callable[..., subprocess.Popen[str]], t
 def test_a_node_that_is_missing_is_named_by_all(start: Callable[..., subprocess.Popen[str]]) -> None:
     """It alone, not those that wait for it; nobody waits longer than told."""
     second = tuple(name for name in SECOND if name != "dgu_3")
-    ended = [_ended(one) for one in [start(names, SHORT, "--start-timeout", "6") for names in (FIRST, second)]]
+    ended = [_ended(one) for one in [start(names, SHORT, "--start-timeout", "12") for names in (FIRST, second)]]
     for finished in ended:
         assert finished.code == 1
         assert finished.err.splitlines()[-1].endswith(("dgu_3", "is gone"))

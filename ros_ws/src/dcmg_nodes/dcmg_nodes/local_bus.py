@@ -32,10 +32,12 @@ class LocalBus:
         self._second_readers: dict[str, list[Callable[[bytes], None]]] = {}
         self._waiting: deque[tuple[Callable[[bytes], None], bytes]] = deque()
         self._awake = False
+        self._executor: Executor | None = None
 
     def attach(self, executor: Executor) -> None:
-        """Let this executor do the deliveries."""
+        """Let this executor do the deliveries, those that wait already, too."""
         self._executor = executor
+        self._wake(executor)
 
     def add_reader(self, topic: str, on_bytes: Callable[[bytes], None]) -> None:
         """Hand every later message of a topic to `on_bytes`."""
@@ -60,11 +62,15 @@ class LocalBus:
     def _queue(self, readers: Iterable[Callable[[bytes], None]], data: bytes) -> None:
         for reader in readers:
             self._waiting.append((reader, data))
+        if self._executor is not None:
+            self._wake(self._executor)
+
+    def _wake(self, executor: Executor) -> None:
         if self._waiting and not self._awake:
             self._awake = True
-            self._executor.create_task(self._deliver)
+            executor.create_task(self._deliver, executor)
 
-    def _deliver(self) -> None:
+    def _deliver(self, executor: Executor) -> None:
         waiting = self._waiting
         for _ in range(_BATCH):
             if not waiting:
@@ -72,4 +78,4 @@ class LocalBus:
                 return
             reader, data = waiting.popleft()
             reader(data)
-        self._executor.create_task(self._deliver)
+        executor.create_task(self._deliver, executor)
