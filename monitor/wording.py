@@ -29,8 +29,8 @@ def sees(residual: ResidualReport) -> str:
     hidden = residual.invisible_bias.shape[1]
     if not hidden:
         return "every constant bias leaves a residual"
-    directions = "direction" if hidden == 1 else "directions"
-    return f"{hidden} of {len(residual.threshold)} {directions} of constant bias leave no steady residual"
+    leaves = "leaves" if hidden == 1 else "leave"
+    return f"{hidden} of {len(residual.threshold)} directions of constant bias {leaves} no steady residual"
 
 
 def blind_reason(data: DataReport | None) -> str:

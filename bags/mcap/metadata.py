@@ -104,7 +104,7 @@ class BagInfo:
                 "topic_metadata": {
                     "name": topic.name,
                     "type": topic.type_name,
-                    "serialization_format": "cdr",
+                    "serialization_format": "cdr",  # of others, too: rosbags would refuse the whole bag
                     "offered_qos_profiles": topic.offered_qos,
                     "type_description_hash": topic.type_hash,
                 },

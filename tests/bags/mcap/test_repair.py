@@ -245,6 +245,27 @@ def test_foreign_file(tmp_path: Path, *, chunked: bool) -> None:
     assert len(found) == report.messages + report.salvaged >= 15
 
 
+def test_messages_of_another_encoding_do_not_close_the_bag(tmp_path: Path) -> None:
+    """Messages that are not CDR are copied as they are; rosbags opens the repaired bag and reads the others."""
+    file = tmp_path / "mixed.mcap"
+    with file.open("wb") as stream:
+        writer = Writer(stream)
+        writer.start("ros2", "test")
+        number = writer.register_schema("std_msgs/msg/UInt32", "ros2msg", b"uint32 data")
+        topics = {"/number": writer.register_channel("/number", "cdr", number)}
+        topics["/thing"] = writer.register_channel("/thing", "json", 0)
+        for at in range(5):
+            writer.add_message(topics["/number"], at, b"\0\1\0\0" + at.to_bytes(4, "little"), at)
+            writer.add_message(topics["/thing"], at, b'{"at": %d}' % at, at)
+        writer.finish()  # type: ignore[no-untyped-call] # mcap leaves it without a type
+    repair(file, tmp_path / "out")
+    assert read_mcap(tmp_path / "out" / "mixed.mcap") == read_mcap(file)
+    with AnyReader([tmp_path / "out"]) as reader:
+        chosen = [one for one in reader.connections if one.topic == "/number"]
+        read = [reader.deserialize(data, one.msgtype) for one, _, data in reader.messages(chosen)]
+    assert [getattr(one, "data", None) for one in read] == [0, 1, 2, 3, 4]
+
+
 @settings(max_examples=60, deadline=None)  # every example writes files
 @given(data=st.binary(max_size=400), framed=st.booleans(), at=st.integers(0, 2000))
 def test_arbitrary_bytes(originals: list[Original], data: bytes, at: int, *, framed: bool) -> None:
