@@ -51,6 +51,7 @@ class ClockNode:
         self._run = wiring.run
         self._waiting = set(wiring.nodes)
         self._created = time.monotonic()
+        self._seen: set[str] = set()
         self._released = 0
         self._credit = WINDOW
         self._t0 = 0.0
@@ -102,9 +103,10 @@ class ClockNode:
         self._pacing.publish(
             Pacing(steps=self._released, deadline_misses=self._misses, worst_late_sec=self._worst_late_sec)
         )
+        if self._waiting:
+            self._seen.update(names_in_graph(self.ports.node))  # who gives up a moment before us is not who was missing
         if self._waiting and time.monotonic() - self._created > self._config.start_timeout_sec:
-            there = names_in_graph(self.ports.node)
-            missing = sorted(name for name in self._waiting if not there[name])  # the others wait for them, too
+            missing = sorted(self._waiting - self._seen)  # the others wait for them, too
             names = ", ".join(missing or sorted(self._waiting))
             reason = f"not ready after {self._config.start_timeout_sec:g} s: {names}"
             self.ports.lifetime.fail(CLOCK_NODE, reason)
