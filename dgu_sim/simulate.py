@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dgu_sim.attacker_knowledge import ScenarioKnowledge
+from dgu_sim.cell import Cell, UnitState
 from dgu_sim.linear import FloatArray
 from dgu_sim.plant import physical_of
 from dgu_sim.records import Physical, Sample
@@ -16,7 +17,7 @@ from dgu_sim.scenario import Scenario
 from dgu_sim.settings import Accept
 from dgu_sim.unit import cell_of_all
 
-__all__ = ["Block", "Doubled", "Respond", "RunEvent", "relay_of", "simulate"]
+__all__ = ["Block", "Doubled", "Loop", "LoopState", "Respond", "RunEvent", "loop_of", "relay_of", "simulate"]
 
 BLOCK_STEPS = 1000
 
@@ -149,33 +150,98 @@ def simulate(
     Yields:
         Blocks in order of time. How runs and steps are grouped changes no bit of them.
     """
-    runs = (scenario.seed,) if seeds is None else tuple(seeds)
-    wiring = _Wiring.of(scenario)
-    cell = cell_of_all(scenario, runs)
-    relay, relay_state = relay_of(scenario, runs, recorded)
-    state = cell.init()
+    loop, state = loop_of(scenario, seeds, recorded)
     for first in range(0, scenario.steps, block_steps):
-        buffer = _Buffer.empty(wiring, min(block_steps, scenario.steps - first), len(runs))
+        state, block = loop.run(state, min(block_steps, scenario.steps - first), respond)
+        yield block
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class LoopState:
+    """Where all runs are before a step; nothing in it changes, so a run can go on from it more than once.
+
+    Attributes:
+        step: The next step.
+        cell: State of all DGUs.
+        relay: State of the links: who attacks them.
+    """
+
+    step: int
+    cell: UnitState
+    relay: RelayState
+
+
+@dataclass(frozen=True, slots=True, kw_only=True)
+class Loop:
+    """The time loop of a scenario, which goes on as long as it is called.
+
+    Attributes:
+        runs: Number of runs.
+        cell: All DGUs.
+        relay: All links.
+    """
+
+    runs: int
+    cell: Cell
+    relay: Relay
+    _wiring: "_Wiring"
+
+    def run(self, state: LoopState, steps: int, respond: Respond | None = None) -> tuple[LoopState, Block]:
+        """Let all runs go on; how their steps are grouped changes no bit of them.
+
+        Args:
+            state: Where they are.
+            steps: How many steps.
+            respond: What the monitors tell secondary control; None: nothing.
+        """
+        wiring = self._wiring
+        buffer = _Buffer.empty(wiring, steps, self.runs)
+        cell_state, relay_state = state.cell, state.relay
         events: list[RelayEvent] = []
         doubled: list[Doubled] = []
-        for row in range(len(buffer.sent)):
+        for row in range(steps):
             truth, sent = buffer.truth[row], buffer.sent[row]
             received, delivered = buffer.received[row], buffer.delivered[row]
-            output = cell.output(state)
+            output = self.cell.output(cell_state)
             truth[:3], truth[3], truth[4], truth[5] = output.x, output.load_current, output.reference, output.alpha
             sent[:] = output.y
-            relay_state, occurred = wiring.relay(relay, relay_state, sent, received, delivered)
+            relay_state, occurred = wiring.relay(self.relay, relay_state, sent, received, delivered)
             events += occurred
             spoofed: tuple[int, ...] = ()
             if relay_state.spoofed:
-                doubled += wiring.spoof(first + row, relay_state, received, delivered)
+                doubled += wiring.spoof(state.step + row, relay_state, received, delivered)
                 spoofed = tuple(position for position, _ in relay_state.spoofed)
             heard = delivered
             if respond is not None:
                 heard = delivered & ~respond(sent, truth[4], received, delivered, spoofed)
-            state = cell.step(state, wiring.physical(truth), wiring.received(received, heard))
-        told = tuple(RunEvent(run=run, event=one) for one in events for run in range(len(runs)))
-        yield buffer.block(first, told, tuple(doubled))
+            cell_state = self.cell.step(cell_state, wiring.physical(truth), wiring.received(received, heard))
+        told = tuple(RunEvent(run=run, event=one) for one in events for run in range(self.runs))
+        following = LoopState(step=state.step + steps, cell=cell_state, relay=relay_state)
+        return following, buffer.block(state.step, told, tuple(doubled))
+
+
+def loop_of(
+    scenario: Scenario,
+    seeds: Sequence[int] | None = None,
+    recorded: Mapping[int, Sequence[FloatArray]] | None = None,
+    ready_sec: float = 0.0,
+) -> tuple[Loop, LoopState]:
+    """Return the time loop of a scenario and its state before step 0.
+
+    Args:
+        scenario: What to run.
+        seeds: One run for each seed; None: one run with the scenario's own.
+        recorded: As for `relay_of`.
+        ready_sec: As for `relay_of`.
+
+    Raises:
+        AttackError: An attack cannot act on its links.
+    """
+    runs = (scenario.seed,) if seeds is None else tuple(seeds)
+    cell = cell_of_all(scenario, runs)
+    relay, relay_state = relay_of(scenario, runs, recorded, ready_sec)
+    loop = Loop(runs=len(runs), cell=cell, relay=relay, _wiring=_Wiring.of(scenario))
+    return loop, LoopState(step=0, cell=cell.init(), relay=relay_state)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

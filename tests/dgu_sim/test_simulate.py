@@ -1,12 +1,13 @@
 """The time loop."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
 from dgu_sim.relay import Action
 from dgu_sim.scenario import Scenario
-from dgu_sim.simulate import simulate
+from dgu_sim.simulate import loop_of, simulate
 
 SHORT = "duration_sec=3.0"
 ATTACK = "attacks=[{kind: bias, link: 1-2, start_sec: 2.6, stop_sec: 2.8, bias: [0.1, 0.2, 0.3]}]"
@@ -67,3 +68,17 @@ def test_a_grid_of_one_dgu_without_lines_runs(shipped: Callable[..., Scenario]) 
     (block,) = simulate(fresh)
     assert block.received.shape == (100, 1, 0, 3)
     np.testing.assert_allclose(block.x[-1], block.x[0], rtol=1e-9)
+
+
+def test_a_state_goes_on_more_than_once(shipped: Callable[..., Scenario]) -> None:
+    """From one state the same steps come out as often as it is asked, and an attack in one future leaves the other."""
+    scenario = shipped("consensus_six_dgu", "noise={kind: uniform, half_width: [0.1, 0.1, 0.0]}", "attacks=[]")
+    loop, state = loop_of(scenario)
+    state, _ = loop.run(state, 70)
+    attacked, _ = loop.relay.start(state.relay, scenario.links[0], "bias", {"bias": [0.0, 1.0, 0.0]})
+    futures = [loop.run(one, 200)[1] for one in (state, replace(state, relay=attacked), state)]
+    for name in ("x", "y", "received", "load_current", "alpha"):
+        assert np.array_equal(getattr(futures[0], name), getattr(futures[2], name))
+    assert not np.array_equal(futures[0].alpha, futures[1].alpha)
+    (whole,) = simulate(scenario, block_steps=10_000)
+    assert np.array_equal(whole.x[70:270], futures[0].x)
