@@ -1,7 +1,7 @@
 """Validation errors in one line: key path, value found, what was expected."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -10,7 +10,7 @@ from pydantic_core import PydanticCustomError
 
 from dgu_sim.suggestions import meant
 
-__all__ = ["Problem", "explain", "part_of"]
+__all__ = ["Problem", "explain", "listed", "part_of", "shown"]
 
 Model = TypeVar("Model", bound=BaseModel)
 
@@ -18,6 +18,9 @@ _QUOTED = re.compile("'([^']*)'")
 
 SHOWN = 60
 """Longer values are cut: a message stays one readable line."""
+
+LISTED = 40
+"""Longer lists are cut likewise."""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -84,6 +87,13 @@ def shown(value: object) -> str:
     """Return a value as it may stand in a message."""
     text = repr(value)
     return text if len(text) <= SHOWN else text[: SHOWN - 4] + " ..."
+
+
+def listed(items: Sequence[object], most: int = LISTED) -> str:
+    """Return what there is to choose from as it may stand in a message; of many, the first and the last."""
+    if len(items) <= most:
+        return ", ".join(map(str, items))
+    return f"{', '.join(map(str, items[: most - 1]))} ... {items[-1]} ({len(items)} in all)"
 
 
 def _hint(word: object, listed: str) -> str:

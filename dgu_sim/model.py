@@ -72,5 +72,5 @@ class Frozen(BaseModel):
     def _known_keys(cls, data: object) -> object:
         if not isinstance(data, Mapping):
             return data
-        check_keys(data, tuple(cls.model_fields))
+        check_keys(data, tuple(field.alias or name for name, field in cls.model_fields.items()))
         return data

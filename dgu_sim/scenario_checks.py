@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 
 from dgu_sim.errors import AttackError
+from dgu_sim.explain import listed
 from dgu_sim.grid import Grid, Link
 from dgu_sim.model import finding
 from dgu_sim.plant import Coupling
@@ -18,12 +19,13 @@ LINE_TIME_SHARE = 0.1
 
 def check_parts(scenario: Sections) -> None:
     """Check that ids, lines, links and times fit together; raises what `dgu_sim.model.finding` returns."""
-    _check_ids([dgu.id for dgu in scenario.dgus])
+    ids = [dgu.id for dgu in scenario.dgus]
+    _check_ids(scenario, ids)
     _check_lines(scenario)
     _check_attacks(scenario)
     for index, poison in enumerate(scenario.poison):
-        if poison.dgu not in [dgu.id for dgu in scenario.dgus]:
-            known = _listed([dgu.id for dgu in scenario.dgus])
+        if poison.dgu not in ids:
+            known = listed(ids)
             raise finding(("poison", index, "dgu"), poison.dgu, f"expected one of the DGUs {known}")
     if scenario.coupling is Coupling.ISOLATED and scenario.history.plant is HistoryPlant.JOINT:
         raise finding(("history", "plant"), "joint", "expected own: with coupling isolated there is no joint grid")
@@ -51,14 +53,23 @@ def check_stability(scenario: Sections, grid: Grid) -> None:
         raise finding(key, gain, f"{expected}, below {limit:.4g}; spectral radius is {radius:.5f}")
 
 
-def _check_ids(ids: Sequence[int]) -> None:
+def _check_ids(scenario: Sections, ids: Sequence[int]) -> None:
     seen = set(ids[:1])
     for index in range(1, len(ids)):
+        key = _place(scenario, "dgus", index, "id")
         if ids[index] in seen:
-            raise finding(("dgus", index, "id"), ids[index], "expected an id that no other DGU has")
+            raise finding(key, ids[index], "expected an id that no other DGU has")
         if ids[index] < ids[index - 1]:
-            raise finding(("dgus", index, "id"), ids[index], f"expected an id above {ids[index - 1]}: ids ascend")
+            raise finding(key, ids[index], f"expected an id above {ids[index - 1]}: ids ascend")
         seen.add(ids[index])
+
+
+def _place(scenario: Sections, section: str, index: int, name: str) -> tuple[str | int, ...]:
+    """Return the key under which the file says something of one DGU or line."""
+    if scenario.generator is None:
+        return section, index, name
+    listed_there = getattr(getattr(scenario.generator, section, None), name, None) is not None
+    return ("grid", section, name, index) if listed_there else ("grid", section[:-1], name)
 
 
 def _check_lines(scenario: Sections) -> None:
@@ -66,12 +77,12 @@ def _check_lines(scenario: Sections) -> None:
     known = set(ids)
     seen: set[frozenset[int]] = set()
     for index, line in enumerate(scenario.lines):
-        key = ("lines", index, "between")
+        key: tuple[str | int, ...] = (
+            ("lines", index, "between") if scenario.generator is None else ("grid", "lines", "second", index)
+        )
         for dgu in line.between:
             if dgu not in known:
-                raise finding(
-                    key, list(line.between), f"expected two of the DGUs {_listed(ids)}: there is no DGU {dgu}"
-                )
+                raise finding(key, list(line.between), f"expected two of the DGUs {listed(ids)}: there is no DGU {dgu}")
         if line.between[0] == line.between[1]:
             raise finding(key, list(line.between), "expected two different DGUs")
         if frozenset(line.between) in seen:
@@ -80,7 +91,7 @@ def _check_lines(scenario: Sections) -> None:
         longest = LINE_TIME_SHARE * scenario.sampling_period_sec * line.resistance_ohm
         if line.inductance_h > longest:
             expected = f"expected at most {longest:.3g}: lines are quasi-stationary, L/R <= sampling_period_sec / 10"
-            raise finding(("lines", index, "inductance_h"), line.inductance_h, expected)
+            raise finding(_place(scenario, "lines", index, "inductance_h"), line.inductance_h, expected)
 
 
 def _check_attacks(scenario: Sections) -> None:
@@ -97,11 +108,11 @@ def _check_links(scenario: Sections, attack: AttackSettings, key: tuple[str | in
         except AttackError:
             raise finding(place, name, "expected SOURCE-TARGET, like 1-2") from None
         if link not in links:
-            known = _listed(sorted(str(one) for one in links)) or "none: the scenario has no lines"
+            known = listed(sorted(str(one) for one in links)) or "none: the scenario has no lines"
             raise finding(place, name, f"expected a communication link: {known}")
         hidden = [one.value for one in OutputComponent if one not in scenario.dgu(link.source).output]
         if attack.attack.whole_output and hidden:
-            expected = f"expected a link whose source sends V, I_t and v: DGU {link.source} keeps {_listed(hidden)}"
+            expected = f"expected a link whose source sends V, I_t and v: DGU {link.source} keeps {listed(hidden)}"
             raise finding(place, name, f"{expected}, and {attack.kind} starts from whole samples")
         if name in attack.link_names[:position]:
             raise finding(place, name, "expected a link that does not stand before it")
@@ -109,7 +120,3 @@ def _check_links(scenario: Sections, attack: AttackSettings, key: tuple[str | in
         attack.attack.check_links(attack.plan.links)
     except AttackError as error:
         raise finding((*key, "links"), list(attack.link_names), str(error)) from None
-
-
-def _listed(items: Sequence[object]) -> str:
-    return ", ".join(str(item) for item in items)

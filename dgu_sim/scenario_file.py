@@ -9,6 +9,7 @@ from pydantic import BaseModel, ValidationError
 
 from dgu_sim.errors import ScenarioError
 from dgu_sim.explain import explain, shown
+from dgu_sim.grid_settings import DguColumns, LineColumns
 from dgu_sim.table_file import ATTACK_COLUMNS, LOAD_COLUMNS, TableFileError, embed_table
 from dgu_sim.yaml_limits import SafeLoader, load_within_limits
 
@@ -28,6 +29,9 @@ Model = TypeVar("Model", bound=BaseModel)
 
 WAVEFORM = "bias_waveform"
 """The kind of attack that may name a file."""
+
+
+DGU_COLUMNS, LINE_COLUMNS = tuple(DguColumns.model_fields), tuple(LineColumns.model_fields)
 
 
 class _UniqueKeyLoader(SafeLoader):
@@ -128,16 +132,24 @@ def raised_by(key: tuple[str | int, ...], overrides: Sequence[str], source: str)
 
 
 def embed_tables(data: dict[str, Any], source: str, directory: Path | None, overrides: Sequence[str] = ()) -> None:
-    """Replace `file: table.csv` of loads and attacks by the values, in place: a resolved scenario needs no other file.
+    """Replace `file: table.csv` of loads, attacks and a grid by the values, in place: it needs no other file then.
 
     Raises:
         ScenarioError: A file cannot be read or lacks a column.
     """
-    for index, dgu in enumerate(_entries(data.get("dgus"))):
-        for item, load in enumerate(_entries(dgu.get("load"))):
+    grid = data["grid"] if isinstance(data.get("grid"), dict) else {}
+    dgus: list[tuple[tuple[str | int, ...], object]] = [(("grid", "dgu"), grid.get("dgu"))]
+    dgus += [(("dgus", index), dgu) for index, dgu in enumerate(_entries(data.get("dgus")))]
+    for place, dgu in dgus:
+        for item, load in enumerate(_entries(dgu.get("load")) if isinstance(dgu, dict) else ()):
             if load.get("kind") == "table":
-                key = ("dgus", index, "load", item)
-                _embed(load, LOAD_COLUMNS, directory, f"{raised_by(key, overrides, source)}: dgus.{index}.load.{item}")
+                key = (*place, "load", item)
+                where = f"{raised_by(key, overrides, source)}: {'.'.join(map(str, key))}"
+                _embed(load, LOAD_COLUMNS, directory, where)
+    for name, known, needed in (("dgus", DGU_COLUMNS, None), ("lines", LINE_COLUMNS, LINE_COLUMNS[0])):
+        if isinstance(grid.get(name), dict):
+            where = f"{raised_by(('grid', name), overrides, source)}: grid.{name}"
+            _embed(grid[name], known, directory, where, needed)
     embed_waveforms(data, source, directory, overrides)
 
 
@@ -159,9 +171,15 @@ def _entries(section: object) -> list[dict[str, Any]]:
     return [one if isinstance(one, dict) else {} for one in section] if isinstance(section, list) else []
 
 
-def _embed(entry: dict[str, Any], known: Sequence[str], directory: Path | None, where: str) -> None:
+def _embed(
+    entry: dict[str, Any],
+    known: Sequence[str],
+    directory: Path | None,
+    where: str,
+    needed: str | None = LOAD_COLUMNS[0],
+) -> None:
     try:
-        embed_table(entry, known, directory)
+        embed_table(entry, known, directory, needed)
     except TableFileError as error:
         raise ScenarioError(f"{where}.{error}") from error
 

@@ -1,10 +1,18 @@
 """The sections of a scenario, and what follows from them."""
 
-from pydantic import Field
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any, Self
+
+from pydantic import Field, SerializerFunctionWrapHandler, model_serializer, model_validator
+from pydantic_core import PydanticCustomError
 
 from dgu_sim.errors import ScenarioError
+from dgu_sim.explain import listed, part_of
+from dgu_sim.generate import generated
 from dgu_sim.grid import Grid, Line, Link, links_of
-from dgu_sim.model import Frozen, Number
+from dgu_sim.grid_settings import GridSettings
+from dgu_sim.model import Frozen, Number, finding
 from dgu_sim.noise import Noise, NoNoise
 from dgu_sim.plant import Coupling
 from dgu_sim.poison import Poison
@@ -19,6 +27,15 @@ from dgu_sim.settings import (
 
 __all__ = ["Sections"]
 
+_LISTED = ("dgus", "lines")
+_DERIVED = ("grid", "links", "_positions")
+
+
+class _GridPart(Frozen):
+    """The section `grid` alone: DGUs and lines are made from it before anything else is looked at."""
+
+    grid: GridSettings
+
 
 class Sections(Frozen):
     """Grid, control, noise, attacks and monitors of a run, each checked by itself; `Scenario` checks them together."""
@@ -31,6 +48,9 @@ class Sections(Frozen):
     coupling: Coupling = Field(
         default=Coupling.HELD,
         description="isolated (no lines), held (neighbour voltages held over a sample) or joint (integrated together).",
+    )
+    generator: GridSettings | None = Field(
+        default=None, alias="grid", description="A grid that is generated, in place of dgus and lines."
     )
     dgus: tuple[DguSettings, ...] = Field(min_length=1, description="The DGUs.")
     lines: tuple[LineSettings, ...] = Field(default=(), description="The lines, which are the communication links too.")
@@ -46,6 +66,41 @@ class Sections(Frozen):
     )
     attacks: tuple[AttackSettings, ...] = Field(default=(), description="Attacks that the scenario schedules.")
 
+    @model_validator(mode="before")
+    @classmethod
+    def _generate(cls, data: object) -> object:
+        """Make DGUs and lines of a grid that is to be generated."""
+        if not isinstance(data, Mapping) or data.get("grid") is None:
+            return data
+        for key in _LISTED:
+            if key in data:
+                raise finding((key,), data[key], f"expected either grid, which makes them, or {key}")
+        settings = part_of(_GridPart, {"grid": data["grid"]}).grid
+        try:
+            dgus, lines = generated(settings)
+        except PydanticCustomError as error:
+            found = error.context or {}
+            raise finding(("grid", *found["key"]), found["value"], found["expected"]) from None
+        return {**data, "grid": settings, "dgus": dgus, "lines": lines}
+
+    @model_serializer(mode="wrap")
+    def _as_written(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
+        """Leave out what is generated, or that nothing is."""
+        if self.generator is None:
+            return {key: value for key, value in handler(self).items() if key != "generator"}
+        parts = handler(self.model_copy(update={"generator": self.generator, "dgus": (), "lines": ()}))
+        return {"grid" if key == "generator" else key: value for key, value in parts.items() if key not in _LISTED}
+
+    def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
+        """Return a copy with other values; what follows from them is worked out anew."""
+        changes = dict(update or {})
+        if not changes.keys().isdisjoint(_LISTED):
+            changes.setdefault("generator", None)
+        copied = super().model_copy(update=changes, deep=deep)
+        for name in _DERIVED:
+            copied.__dict__.pop(name, None)
+        return copied
+
     @property
     def steps(self) -> int:
         """Number of steps: messages k = 0 ... steps-1."""
@@ -56,7 +111,7 @@ class Sections(Frozen):
         """T_s in whole nanoseconds: the stamp of step k is k times this."""
         return round(self.sampling_period_sec * 1e9)
 
-    @property
+    @cached_property
     def grid(self) -> Grid:
         """Topology and parameters."""
         return Grid(
@@ -65,7 +120,7 @@ class Sections(Frozen):
             lines=tuple(Line(between=line.between, resistance_ohm=line.resistance_ohm) for line in self.lines),
         )
 
-    @property
+    @cached_property
     def links(self) -> tuple[Link, ...]:
         """Directed communication links, by target, then source: the order of every array axis "links"."""
         return links_of([line.between for line in self.lines])
@@ -76,7 +131,12 @@ class Sections(Frozen):
         Raises:
             ScenarioError: There is no such DGU.
         """
-        for dgu in self.dgus:
-            if dgu.id == number:
-                return dgu
-        raise ScenarioError(f"DGU {number}: expected one of {', '.join(str(dgu.id) for dgu in self.dgus)}")
+        position = self._positions.get(number)
+        if position is None:
+            raise ScenarioError(f"DGU {number}: expected one of {listed([dgu.id for dgu in self.dgus])}")
+        return self.dgus[position]
+
+    @cached_property
+    def _positions(self) -> Mapping[int, int]:
+        """Place of each DGU by its number."""
+        return {dgu.id: position for position, dgu in enumerate(self.dgus)}

@@ -22,6 +22,8 @@ class Stream(IntEnum):
     HISTORY = 3
     HISTORY_NOISE = 4
     POISON = 5
+    GRID = 6
+    """What differs from DGU to DGU of a generated grid, drawn with the grid's own seed."""
     ATTACK = 1_000_000
     """The n-th attack of a run draws from stream ATTACK + n; a link's place among its links stands for the DGU."""
     LOAD = 1000

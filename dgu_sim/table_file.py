@@ -20,7 +20,9 @@ class TableFileError(DguSimError):
     """A table file that cannot be read, or lacks a column."""
 
 
-def embed_table(entry: dict[str, Any], known: Sequence[str], directory: Path | None) -> None:
+def embed_table(
+    entry: dict[str, Any], known: Sequence[str], directory: Path | None, needed: str | None = _TIME
+) -> None:
     """Replace `file` (and `columns`) of an entry by the values, in place: what is resolved needs no other file.
 
     The delimiter is the one of the header: comma, semicolon or tabulator; numbers beside the latter two may have a
@@ -28,8 +30,9 @@ def embed_table(entry: dict[str, Any], known: Sequence[str], directory: Path | N
 
     Args:
         entry: a load or the parameters of an attack; without `file` nothing is done.
-        known: columns that are looked for; time_sec and one more must be there.
+        known: columns that are looked for; the needed one and another must be there.
         directory: where the file is; None: the entry must not name any.
+        needed: column that must be there; None: any will do.
 
     Raises:
         TableFileError: the file cannot be read, or is no such table.
@@ -38,7 +41,7 @@ def embed_table(entry: dict[str, Any], known: Sequence[str], directory: Path | N
         return
     file, columns = entry.pop("file"), entry.pop("columns", {})
     try:
-        found = _columns(file, columns, known, directory)
+        found = _columns(file, columns, known, directory, needed)
     except TableFileError as error:
         raise TableFileError(f"file = {shown(file)}: {error}") from error
     for key, values in found.items():
@@ -47,15 +50,18 @@ def embed_table(entry: dict[str, Any], known: Sequence[str], directory: Path | N
         entry[key] = values
 
 
-def _columns(file: object, columns: object, known: Sequence[str], directory: Path | None) -> dict[str, list[float]]:
+def _columns(
+    file: object, columns: object, known: Sequence[str], directory: Path | None, needed: str | None
+) -> dict[str, list[float]]:
     """What the file says of each known column that it has."""
     names = _names(columns, known)
     header, lines = _lines(file, directory)
     wanted = {key: names.get(key, key) for key in known if key in names or key in header}
-    if _TIME not in wanted or len(wanted) == 1:
+    least = "one" if needed is None else f"{needed} and another"
+    if needed not in (None, *wanted) or len(wanted) < (1 if needed is None else 2):
         raise TableFileError(
-            f"expected the columns {', '.join(known)} in the header, time_sec and another at least, or `columns: "
-            f"{{time_sec: NAME, …}}`; found {shown(','.join(header))}"
+            f"expected the columns {', '.join(known)} in the header, {least} at least, or `columns: "
+            f"{{{known[0]}: NAME, …}}`; found {shown(','.join(header))}"
         )
     return {key: _column(name, header, lines) for key, name in wanted.items()}
 

@@ -8,7 +8,7 @@ import pytest
 from pydantic import BaseModel
 
 from bags.watch.scenarios import parse_scenario
-from dgu_sim import excitation, loads, noise, poison, settings
+from dgu_sim import excitation, grid_settings, loads, noise, poison, settings
 from dgu_sim.attacks import KINDS
 from dgu_sim.errors import ScenarioError
 from dgu_sim.scenario import Scenario
@@ -27,6 +27,16 @@ SECTIONS: dict[str, type[BaseModel]] = {
     "Load: gaussian": loads.GaussianLoad,
     "Load: table": loads.TableLoad,
     "lines": settings.LineSettings,
+    "Grid: mesh": grid_settings.MeshGrid,
+    "Grid: ring": grid_settings.RingGrid,
+    "Grid: star": grid_settings.StarGrid,
+    "Grid: random_geometric": grid_settings.RandomGeometricGrid,
+    "Grid: from_csv": grid_settings.CsvGrid,
+    "grid.dgus": grid_settings.DguColumns,
+    "grid.lines": grid_settings.LineColumns,
+    "grid.dgu": grid_settings.DguTemplate,
+    "grid.line": grid_settings.LineTemplate,
+    "grid.spread": grid_settings.SpreadSettings,
     "receiver": settings.ReceiverSettings,
     "Poison: scale": poison.ScalePoison,
     "Poison: rotate": poison.RotatePoison,
@@ -89,7 +99,7 @@ def test_every_key_stands_in_its_section_with_its_default(page: str, heading: st
     model, rows = SECTIONS[heading], _rows(page, heading)
     for key, field in model.model_fields.items():
         if (model, key) not in NO_KEYS:
-            assert rows.get(key) == _default(model, key), key
+            assert rows.get(field.alias or key) == _default(model, key), key
             assert field.description, key
 
 
@@ -121,9 +131,10 @@ def test_every_model_of_a_scenario_has_a_section() -> None:
     """A new load, noise or section cannot be forgotten."""
     found = {
         value
-        for module in (excitation, loads, noise, parts, section, settings, poison, team)
+        for module in (excitation, grid_settings, loads, noise, parts, section, settings, poison, team)
         for value in vars(module).values()
         if isinstance(value, type) and issubclass(value, BaseModel) and value.__module__ == module.__name__
+        if not value.__name__.startswith("_")
     }
     assert found <= set(SECTIONS.values())
 
