@@ -80,7 +80,7 @@ def parse_order(words: Sequence[str]) -> Order:
     for name, values in _options(rest[first:]):
         if name in parameters:
             raise CommandError(f"{kind} attack: --{name.replace('_', '-')} is given twice")
-        parameters[name] = _value(name, values)
+        parameters[name] = value_of(name, values)
     if kind == WAVEFORM:
         try:
             embed_table(parameters, ATTACK_COLUMNS, Path())
@@ -130,7 +130,8 @@ def _options(words: Sequence[str]) -> list[tuple[str, list[str]]]:
     return found
 
 
-def _value(name: str, words: Sequence[str]) -> object:
+def value_of(name: str, words: Sequence[str]) -> object:
+    """Read the words behind `--NAME`: YAML each, several make a list; CommandError where one is not."""
     if not words:
         raise CommandError(f"--{name.replace('_', '-')}: expected a value behind it")
     try:

@@ -29,6 +29,7 @@ COMMANDS: Sequence[Command | Group] = (
     _here("scenarios", "List the shipped scenarios.", _RUN),
     _ros("run", "Run a scenario over ROS 2: one process per node, recorded to a bag.", _RUN),
     _here("simulate", "Do the same run without ROS: the same numbers bit for bit, the same bag, much faster.", _RUN),
+    _here("page", "Sit at the grid in a browser: watch a simulation or a bag, attack it by hand.", _RUN),
     Group(
         name="attack",
         does="Start, stop and list attacks in a running system.",

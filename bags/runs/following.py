@@ -53,11 +53,21 @@ def follow(scenario: Scenario, designs: RunDesigns, recorded: Recorded, block_st
             yield Followed(block, *watch.take())
         return
     for block in ahead(run):
-        spoofed: dict[int, list[int]] = {}
-        for one in block.doubled:
-            spoofed.setdefault(one.step - block.first_step, []).append(one.position)
-        alone = _Run(block.y[:, 0], block.reference[:, 0], block.received[:, 0], block.delivered[:, 0])
-        yield Followed(block, *watch.follow(alone, spoofed))
+        yield watched(watch, block)
+
+
+def watched(watch: Watcher, block: Block) -> Followed:
+    """What the monitors of one run make of steps that are over.
+
+    Args:
+        watch: The monitors; they take these steps next.
+        block: What happened.
+    """
+    spoofed: dict[int, list[int]] = {}
+    for one in block.doubled:
+        spoofed.setdefault(one.step - block.first_step, []).append(one.position)
+    alone = _Run(block.y[:, 0], block.reference[:, 0], block.received[:, 0], block.delivered[:, 0])
+    return Followed(block, *watch.follow(alone, spoofed))
 
 
 def follow_many(scenario: Scenario, seeds: Sequence[int], block_steps: int = BLOCK_STEPS) -> Iterator[Followed]:

@@ -88,6 +88,12 @@ class Watcher:
             self._lanes = monitors_of(self.designs)
             self._lane_states = self._lanes.init()
 
+    def fork(self) -> "Watcher":
+        """The same monitors, as they are now, for another future: states never change, so they are shared."""
+        other = Watcher(designs=self.designs, runs=self.runs)
+        other._states, other._rows, other._lane_states = list(self._states), list(self._rows), self._lane_states
+        return other
+
     def __call__(
         self,
         sent: NDArray[np.float64],

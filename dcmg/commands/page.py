@@ -1,0 +1,70 @@
+"""`dcmg page`: sit at the grid, in a browser."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from dcmg.commands import scenario_options as options
+from dcmg.errors import CommandError
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    from dcmg.page.source import Source
+
+Shown = Annotated[
+    str, typer.Argument(help="scenario (a shipped name, or a file) to simulate, or a bag to look through")
+]
+Port = Annotated[int, typer.Option(min=0, max=65535, help="port to listen at; 0: any that is free")]
+Host = Annotated[
+    str, typer.Option(help="address to listen at; any but this machine's own needs the token that is printed")
+]
+Browser = Annotated[bool, typer.Option("--browser/--no-browser", help="open the page in a browser")]
+Rate = Annotated[float, typer.Option(min=0.01, max=1000, help="simulated seconds a second")]
+Paused = Annotated[bool, typer.Option("--paused", help="let time stand still until somebody starts it")]
+
+
+def page(
+    shown: Shown,
+    *,
+    port: Port = 0,
+    host: Host = "127.0.0.1",
+    browser: Browser = True,
+    rate: Rate = 1.0,
+    paused: Paused = False,
+    duration: options.Duration = None,
+    seed: options.Seed = None,
+    history: options.History = None,
+    designs: options.Designs = None,
+    set_: options.Set = None,
+    anyway: options.Anyway = False,
+) -> None:
+    """Sit at the grid: watch it, attack it by hand and see what the monitors notice, in a browser.
+
+    `dcmg page gallo_six_dgu` simulates at the pace of the wall clock, without ROS, until Ctrl-C (or --duration).
+    `dcmg page out/demo/bag` shows a recorded run: scrub, play at any speed.
+    The first line on standard output is the address. Needs `pip install 'dcmg[page]'`.
+    """
+    try:
+        from dcmg.page.pace import Pace  # noqa: PLC0415 (heavy)
+        from dcmg.page.serving import serve  # noqa: PLC0415 (heavy)
+    except ModuleNotFoundError as error:
+        if error.name in {"starlette", "uvicorn", "websockets"}:
+            raise CommandError(f"the page needs the Python package {error.name}: pip install 'dcmg[page]'") from error
+        raise
+    chosen = options.ScenarioOptions(
+        name=shown, duration_sec=duration, seed=seed, out=None, overrides=set_ or [], history=history, anyway=anyway
+    )
+    source = _simulation(chosen, designs)
+    serve(Pace(source, rate, running=not paused), host, port, browser=browser)
+
+
+def _simulation(chosen: options.ScenarioOptions, designs: Path | None) -> Source:
+    from dcmg.commands.checking import check_monitors  # noqa: PLC0415 (heavy)
+    from dcmg.page.simulated import Simulated  # noqa: PLC0415 (heavy)
+
+    loaded = chosen.load()
+    steps = None if chosen.duration_sec is None else loaded.steps
+    return Simulated(loaded, check_monitors(loaded, chosen, designs), steps)

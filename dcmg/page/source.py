@@ -1,0 +1,43 @@
+"""Where what is shown comes from."""
+
+from typing import Protocol
+
+from dcmg.page.board import Board
+from dcmg.page.messages import Attack, Outline
+
+
+class RefusalError(Exception):
+    """A command that cannot be done, in one line for the person who gave it."""
+
+
+class Source(Protocol):
+    """A run that can be watched, and perhaps steered. Called under one lock.
+
+    Attributes:
+        outline: What does not change.
+        board: What happened so far.
+    """
+
+    @property
+    def outline(self) -> Outline:
+        """What does not change."""
+
+    @property
+    def board(self) -> Board:
+        """What happened so far, and perhaps (a bag) what happens later."""
+
+    @property
+    def head(self) -> int:
+        """One past the step that is shown."""
+
+    def advance(self, steps: int) -> int:
+        """Go on by so many steps; return how many there were: 0 at the end."""
+
+    def seek(self, step: int) -> None:
+        """Show another step; raises RefusalError where there is nothing but the present."""
+
+    def attack(self, order: Attack) -> str:
+        """Check, start, change or stop an attack, and say in a line what was done; raises RefusalError."""
+
+    def close(self) -> None:
+        """Give back what is held."""
