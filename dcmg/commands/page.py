@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -10,8 +11,6 @@ from dcmg.commands import scenario_options as options
 from dcmg.errors import CommandError
 
 if TYPE_CHECKING:
-    from pathlib import Path
-
     from dcmg.page.source import Source
 
 Shown = Annotated[
@@ -57,8 +56,23 @@ def page(
     chosen = options.ScenarioOptions(
         name=shown, duration_sec=duration, seed=seed, out=None, overrides=set_ or [], history=history, anyway=anyway
     )
-    source = _simulation(chosen, designs)
+    source = _bag(chosen, designs) if Path(shown).is_dir() else _simulation(chosen, designs)
     serve(Pace(source, rate, running=not paused), host, port, browser=browser)
+
+
+def _bag(chosen: options.ScenarioOptions, designs: Path | None) -> Source:
+    from dcmg.page.recorded import Recorded  # noqa: PLC0415 (heavy)
+
+    given = {
+        "--duration": chosen.duration_sec,
+        "--seed": chosen.seed,
+        "--history": chosen.history,
+        "--designs": designs,
+    }
+    wrong = [name for name, value in {**given, "--set": chosen.overrides or None}.items() if value is not None]
+    if wrong:
+        raise CommandError(f"{wrong[0]}: {chosen.name} is a recorded run, expected a scenario with it")
+    return Recorded(Path(chosen.name))
 
 
 def _simulation(chosen: options.ScenarioOptions, designs: Path | None) -> Source:

@@ -3,7 +3,7 @@
 from collections import deque
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
-from typing import Literal, NamedTuple
+from typing import IO, Literal, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -94,6 +94,7 @@ class Board:
         sampling_period_sec: T_s.
         outputs: Components of a residual.
         steps: Steps that are kept, None: as many as fit into 96 MB, at most 60,000.
+        file: Where they stand if there are more of them than fit.
     """
 
     def __init__(
@@ -102,13 +103,16 @@ class Board:
         links: Sequence[Link],
         sampling_period_sec: float,
         outputs: int = 3,
+        *,
         steps: int | None = None,
+        file: IO[bytes] | None = None,
     ) -> None:
         """Start empty."""
         self.dgus, self.links, self.sampling_period_sec = tuple(dgus), tuple(links), sampling_period_sec
         self.channels = Channels(len(self.dgus), len(self.links), outputs)
         fitting = max(1000, int(_MEMORY_BYTES / 8 / max(self.channels.count, 1)))
-        self.trace = Trace(self.channels.count, steps or min(_MOST_STEPS, fitting))
+        kept = min(_MOST_STEPS, fitting) if steps is None else steps
+        self.trace = Trace(self.channels.count, kept, file if kept > fitting else None)
         self.log: deque[Entry] = deque(maxlen=_LOG_LINES)
         self.lines = 0
         self._attacks: list[tuple[int, int | None, Active]] = []  # from, to, what

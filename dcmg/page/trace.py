@@ -1,6 +1,7 @@
 """Numbers over time in bounded memory, and their smallest and largest values for as many columns as a plot has."""
 
 from collections.abc import Sequence
+from typing import IO
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,17 +15,19 @@ class Trace:
     Args:
         channels: Number of channels.
         capacity: Steps that are kept.
+        file: Where they stand, None: in memory, taken at once, so that it does not grow later.
     """
 
-    def __init__(self, channels: int, capacity: int) -> None:
-        """Take the memory at once: it does not grow later."""
-        self._values = np.full((channels, capacity), np.nan)
+    def __init__(self, channels: int, capacity: int, file: IO[bytes] | None = None) -> None:
+        """Start empty."""
+        shape = (channels, max(capacity, 1))
+        self._values = np.full(shape, np.nan) if file is None else np.asarray(np.memmap(file, np.float64, shape=shape))
         self.end = 0
 
     @property
     def start(self) -> int:
         """The oldest step that is kept."""
-        return max(0, self.end - self._values.shape[1])
+        return max(0, self.end - int(self._values.shape[1]))
 
     def add(self, rows: FloatArray) -> None:
         """Append steps, shape (steps, channels)."""
@@ -44,7 +47,7 @@ class Trace:
     def span(self, channels: NDArray[np.intp] | Sequence[int], first: int, last: int) -> FloatArray:
         """Steps [first, last) of some channels, shape (channels, steps), NaN where one is not kept."""
         steps = np.arange(first, last)
-        found = self._values[np.asarray(channels, dtype=np.intp)[:, None], steps % self._values.shape[1]]
+        found: FloatArray = self._values[np.asarray(channels, dtype=np.intp)[:, None], steps % self._values.shape[1]]
         found[:, (steps < self.start) | (steps >= self.end)] = np.nan
         return found
 

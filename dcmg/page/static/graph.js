@@ -15,6 +15,8 @@ export class Graph {
     this.chosen = chosen;
     this.links = [];
     this.volts = [];
+    // letters keep their size where the drawing is small
+    new ResizeObserver(() => svg.style.setProperty("--letters", String(Math.max(1, SIZE / Math.max(svg.clientWidth, 100))))).observe(svg);
   }
 
   build(outline) {

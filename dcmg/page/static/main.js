@@ -153,7 +153,7 @@ function draw() {
 
 function clock(frame, now) {
   const { time } = frame;
-  at("play").textContent = time.ended ? "Ended" : time.running ? "Pause" : "Go on";
+  at("play").textContent = time.ended ? (state.outline.can.includes("seek") ? "Again" : "Ended") : time.running ? "Pause" : "Go on";
   at("play").setAttribute("aria-pressed", String(time.running));
   at("time").textContent = `t = ${fixed(now, 2)} s`;
   at("factor").textContent = time.factor === null ? "" : `${figure(time.factor, 3)} × real time`;
@@ -206,12 +206,28 @@ function notice(text) {
 // what a person does
 
 const clockCommand = (action, more = {}) => command({ kind: "clock", action, ...more });
-const toggle = () => clockCommand(state.frame?.time.running ? "pause" : "resume");
+const toggle = async () => {
+  if (state.frame?.time.ended && state.outline.can.includes("seek")) await seek(0);
+  return clockCommand(state.frame?.time.running ? "pause" : "resume");
+};
 const faster = (by) => {
   const now = state.frame?.time.rate ?? 1;
   const next = by > 0 ? RATES.find((one) => one > now) : RATES.findLast((one) => one < now);
   if (next) clockCommand("rate", { rate: next });
 };
+// while one scrubs, only the last place that is asked for counts
+const scrub = { asked: null, busy: false };
+async function scrubTo(step) {
+  scrub.asked = step;
+  if (scrub.busy) return;
+  scrub.busy = true;
+  while (scrub.asked !== null) {
+    const next = scrub.asked;
+    scrub.asked = null;
+    await seek(next);
+  }
+  scrub.busy = false;
+}
 const seek = (step) => command({ kind: "seek", step: Math.max(0, Math.min(state.outline.end_step ?? step, Math.round(step))) });
 
 at("play").addEventListener("click", toggle);
@@ -224,7 +240,7 @@ at("span").addEventListener("change", () => {
   state.span = Number(at("span").value);
   wire.look(view());
 });
-at("scrub").addEventListener("input", () => seek(Number(at("scrub").value)));
+at("scrub").addEventListener("input", () => scrubTo(Number(at("scrub").value)));
 at("help").addEventListener("click", () => at("keys").showModal());
 
 function neighbour(by) {

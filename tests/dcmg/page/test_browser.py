@@ -4,9 +4,13 @@ from __future__ import annotations
 
 import re
 import shutil
+from importlib.resources import files
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
+
+from bags.runs.reader import read_run
 
 pytest.importorskip("playwright", reason="no Playwright here: pip install 'dcmg[dev]'")
 
@@ -15,7 +19,6 @@ from playwright.sync_api import Browser, ConsoleMessage, Page, expect, sync_play
 if TYPE_CHECKING:
     from collections.abc import Callable, Iterator
     from contextlib import AbstractContextManager
-    from pathlib import Path
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 OPTIONS = (
@@ -27,6 +30,10 @@ OPTIONS = (
     "--disable-component-update",
     "--disable-sync",
 )
+SHOWN = """(wanted) => {
+    const text = document.querySelector("#link-numbers tbody tr td:nth-child(2)").textContent;
+    return Math.abs(Number(text) - wanted) <= 6e-3 * Math.abs(wanted);
+}"""
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="no Chromium here: apt-get install chromium")
 
 
@@ -153,6 +160,9 @@ def test_everything_is_reached_by_keyboard_and_is_large_enough(address: str, loo
     assert page.evaluate(small) == []
     page.set_viewport_size({"width": 390, "height": 844})
     page.wait_for_function("document.documentElement.scrollWidth <= 390")
+    drawn = """() => [...document.querySelectorAll("#graph text")].every(
+        (one) => parseFloat(getComputedStyle(one).fontSize) * one.getScreenCTM().a >= 12)"""
+    page.wait_for_function(drawn)
 
 
 def test_both_sides_check_with_one_schema(address: str, look: Callable[[str], Page]) -> None:
@@ -166,6 +176,27 @@ def test_both_sides_check_with_one_schema(address: str, look: Callable[[str], Pa
     assert page.evaluate(check, good) == ""
     for change in ({"action": "rest"}, {"rate": "2"}, {"id": 1.5}, {"more": 1}, {"kind": "clok"}):
         assert page.evaluate(check, {**good, **change}) != ""
+
+
+def test_a_recorded_run_is_scrubbed(
+    serving: Callable[..., AbstractContextManager[str]], look: Callable[[str], Page]
+) -> None:
+    """Any moment has the numbers of the bag: the residual that the report knows, the alarm on the attacked link."""
+    path = Path(str(files("bags.golden"))) / "biased"
+    record = read_run(path)
+    link = record.attack_intervals
+    attacked = next(one for one in record.links if link(one))
+    ((start, stop), *_) = link(attacked)
+    place, shown = record.links.index(attacked), min(stop, record.steps) - 1
+    with serving(str(path), "--paused") as address:
+        page = look(address)
+        page.locator(f'[data-link="{attacked}"]').focus()
+        page.keyboard.press("Enter")
+        for step in (shown, start - 5, shown):
+            page.locator("#scrub").fill(str(step + 1))
+            expect(page.locator("body")).to_have_attribute("data-step", str(step + 1))
+            page.wait_for_function(SHOWN, arg=float(record.residual[step, place, 0]))
+            expect(page.locator(f'[data-link="{attacked}"].attacked')).to_have_count(int(step == shown))
 
 
 def test_a_run_that_ends_is_told_and_comes_back(
