@@ -2,6 +2,7 @@
 
 import asyncio
 import secrets
+import threading
 from contextlib import suppress
 from importlib.resources import files
 
@@ -13,8 +14,9 @@ from starlette.responses import JSONResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from dcmg.page.foresight import Foresight
 from dcmg.page.guard import Guard, Keys
-from dcmg.page.messages import Attack, Bye, Clock, Hello, Reply, Seek, View, parse_client, schema
+from dcmg.page.messages import Attack, Bye, Clock, Hello, Reply, Seek, View, WhatIf, parse_client, schema
 from dcmg.page.pace import Pace
 from dcmg.page.source import RefusalError
 from dcmg.page.viewer import Viewer
@@ -37,6 +39,7 @@ class Page:
         """Read the files of the page."""
         self._pace, self._keys = pace, keys
         self._browsers: set[WebSocket] = set()
+        self._foresight, self._asking = Foresight(pace.source.fork), threading.Lock()
         self.app = Starlette(
             routes=[
                 Route("/", self._index),
@@ -98,9 +101,21 @@ class Page:
             viewer.look(message)
         elif isinstance(message, Hello):
             pass
+        elif isinstance(message, WhatIf):
+            await _send(socket, await asyncio.to_thread(self._foresee, message))
         else:
             ok, said = await asyncio.to_thread(self._do, message)
             await _send(socket, Reply(id=message.id, ok=ok, text=said))
+
+    def _foresee(self, asked: WhatIf) -> BaseModel:
+        """Play ahead, one question at a time; what is shown goes on meanwhile."""
+        with self._asking:
+            try:
+                with self._pace.lock:
+                    run = self._foresight.fork()
+                return self._foresight.ask(run, asked)
+            except RefusalError as error:
+                return Reply(id=asked.id, ok=False, text=str(error))
 
     def _do(self, message: Clock | Seek | Attack) -> tuple[bool, str]:
         pace = self._pace

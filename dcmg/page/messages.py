@@ -87,7 +87,22 @@ class Attack(_Command):
     anyway: bool = False
 
 
-ClientMessage: TypeAlias = Annotated[Hello | View | Clock | Seek | Attack, Field(discriminator="kind")]
+class WhatIf(_Command):
+    """Play an attack ahead from the moment that is shown; nothing of what is shown changes.
+
+    Attributes:
+        worst: The largest damage that no observer of a link sees, whatever the rest of this says.
+    """
+
+    kind: Literal["whatif"] = "whatif"
+    worst: bool = False
+    links: Annotated[list[Word], Field(min_length=1, max_length=200)]
+    attack: Word = ""
+    parameters: dict[Word, Annotated[str, Field(max_length=4000)]] = {}
+    horizon_sec: Annotated[Number, Field(gt=0, le=120)] = 10.0
+
+
+ClientMessage: TypeAlias = Annotated[Hello | View | Clock | Seek | Attack | WhatIf, Field(discriminator="kind")]
 
 
 # from the server
@@ -145,7 +160,7 @@ class Outline(_Message):
         about: Its description.
         end_step: Its length in steps; None: it goes on.
         outputs: Names of what residuals are of, with units.
-        can: What can be done to it: clock, seek, attack.
+        can: What can be done to it: clock, seek, attack, whatif.
     """
 
     kind: Literal["outline"] = "outline"
@@ -262,6 +277,26 @@ class Reply(_Message):
     text: str
 
 
+class Band(_Message):
+    """Between two futures, in columns: of each DGU; of a link, residual over threshold under the attack."""
+
+    panel: str
+    low: list[Values]
+    high: list[Values]
+
+
+class Forecast(_Message):
+    """What is foreseen, for the browser that asked; `lines` says it in words."""
+
+    kind: Literal["forecast"] = "forecast"
+    id: int
+    first_step: int
+    steps: int
+    bin_steps: int
+    bands: list[Band]
+    lines: list[str]
+
+
 class Bye(_Message):
     """Why there will be no more messages."""
 
@@ -269,7 +304,7 @@ class Bye(_Message):
     text: str
 
 
-ServerMessage: TypeAlias = Annotated[Outline | Frame | Reply | Bye, Field(discriminator="kind")]
+ServerMessage: TypeAlias = Annotated[Outline | Frame | Reply | Forecast | Bye, Field(discriminator="kind")]
 
 _CLIENT: TypeAdapter[ClientMessage] = TypeAdapter(ClientMessage)
 _SERVER: TypeAdapter[ServerMessage] = TypeAdapter(ServerMessage)

@@ -66,7 +66,11 @@ def outline(
 ) -> Outline:
     """Put it together; without a scenario (an imported stream) the lines are not known."""
     units, lines = ([Dgu(number=one, facts="") for one in dgus], []) if scenario is None else of_scenario(scenario)
-    can = {"simulation": ["clock", "attack"], "bag": ["clock", "seek"], "ros": ["attack"]}[source]
+    can = {
+        "simulation": ["clock", "attack", "whatif"],
+        "bag": ["clock", "seek"] if scenario is None else ["clock", "seek", "whatif"],
+        "ros": ["attack"],
+    }[source]
     return Outline.model_validate(
         {
             "name": name,
@@ -79,6 +83,6 @@ def outline(
             "dgus": units,
             "lines": lines,
             "links": links,
-            "attacks": kinds() if "attack" in can else [],
+            "attacks": kinds() if {"attack", "whatif"} & set(can) else [],
         }
     )

@@ -5,16 +5,22 @@ from pathlib import Path
 
 import numpy as np
 
+from bags.mcap.errors import BagError
+from bags.runs.live import LiveRun
 from bags.runs.reader import open_run
+from bags.runs.reproduce import steered
 from bags.runs.run_record import RunRecord
+from bags.watch.carried import read_carried
+from bags.watch.designs import design_scenario
 from bags.watch.scenarios import parse_scenario
 from bags.wire.origin import SCENARIO_ATTACHMENT
 from dcmg.page.board import Board, Steps
 from dcmg.page.messages import Attack, Outline
 from dcmg.page.outlines import of_record, outline
 from dcmg.page.source import RefusalError
-from dgu_sim.errors import ScenarioError
+from dgu_sim.errors import DguSimError, ScenarioError
 from dgu_sim.scenario import Scenario
+from monitor.errors import MonitorError
 
 
 class Recorded:
@@ -37,6 +43,7 @@ class Recorded:
         period_sec = topics.sampling_period_ns * 1e-9
         self.board = Board(topics.dgus, topics.links, period_sec, outputs, steps=run.steps, file=self._file)
         self._head = 0
+        self._again: LiveRun | None = None
         scenario = _scenario_of(run.attachments.get(SCENARIO_ATTACHMENT, b"").decode(), path)
         self.outline: Outline = outline(
             scenario,
@@ -71,6 +78,23 @@ class Recorded:
         raise RefusalError(
             f"attack on {order.links[0]}: a recorded run is over; `dcmg page` of its scenario can be attacked"
         )
+
+    def fork(self) -> LiveRun:
+        """The scenario run again up to the moment that is shown, with the bag's own designs, attacks by hand included.
+
+        Raises:
+            RefusalError: The bag cannot be run again.
+        """
+        try:
+            if self._again is None or self._again.state.step > self._head:
+                scenario = steered(self._run.path)
+                designs = design_scenario(scenario, carried=read_carried(self._run.path))
+                self._again = LiveRun.of(scenario, designs)
+            if self._again.state.step < self._head:
+                self._again.advance(self._head - self._again.state.step)
+        except (BagError, DguSimError, MonitorError) as error:
+            raise RefusalError(str(error)) from error
+        return self._again.fork()
 
     def close(self) -> None:
         """Give the file back."""

@@ -80,6 +80,10 @@ class Simulated:
             raise RefusalError(str(error)) from error
         return f"{'changed to' if order.action == 'change' else 'started'} attack {event.attack}: {named}"
 
+    def fork(self) -> LiveRun:
+        """See `Source`."""
+        return self.run.fork()
+
     def close(self) -> None:
         """Nothing is held."""
 

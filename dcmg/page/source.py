@@ -2,6 +2,7 @@
 
 from typing import Protocol
 
+from bags.runs.live import LiveRun
 from dcmg.page.board import Board
 from dcmg.page.messages import Attack, Outline
 
@@ -38,6 +39,9 @@ class Source(Protocol):
 
     def attack(self, order: Attack) -> str:
         """Check, start, change or stop an attack, and say in a line what was done; raises RefusalError."""
+
+    def fork(self) -> LiveRun:
+        """A run that goes on from the moment that is shown, for whoever asks what if; raises RefusalError."""
 
     def close(self) -> None:
         """Give back what is held."""

@@ -4,8 +4,9 @@ import { arrow, make } from "./looks.js";
 const CHECK_MS = 200;
 
 export class AttackForm {
-  constructor(command) {
+  constructor(command, foreseen) {
     this.command = command;
+    this.foreseen = foreseen;
     this.at = (id) => document.getElementById(id);
     this.form = this.at("attack");
     this.form.addEventListener("submit", (event) => {
@@ -18,11 +19,19 @@ export class AttackForm {
     this.at("kind").addEventListener("change", () => this.describe());
     this.at("change").addEventListener("click", () => this.order("change"));
     this.at("stop").addEventListener("click", () => this.order("stop"));
+    this.at("ahead").addEventListener("click", () => this.ahead(false));
+    this.at("worst").addEventListener("click", () => this.ahead(true));
+    this.at("forget").addEventListener("click", () => this.foreseen(null));
   }
 
   build(outline) {
     this.kinds = outline.attacks;
-    this.form.hidden = !outline.can.includes("attack");
+    this.acts = outline.can.includes("attack");
+    this.form.hidden = outline.attacks.length === 0;
+    this.at("whatif").hidden = !outline.can.includes("whatif");
+    for (const id of ["start", "change", "stop"]) this.at(id).hidden = !this.acts;
+    this.at("attack-title").textContent = this.acts ? "Attack this link" : "An attack on this link";
+    this.at("length-row").hidden = !this.acts;
     if (this.form.hidden) return;
     const before = this.at("kind").value;
     this.at("kind").replaceChildren(...this.kinds.map((one) => make("option", { value: one.name }, one.name)));
@@ -69,7 +78,18 @@ export class AttackForm {
 
   later() {
     clearTimeout(this.timer);
-    if (this.link && !this.form.hidden) this.timer = setTimeout(() => this.order("check"), CHECK_MS);
+    if (this.link && this.acts) this.timer = setTimeout(() => this.order("check"), CHECK_MS);
+  }
+
+  async ahead(worst) {
+    const { links, attack, parameters } = this.message("check");
+    for (const id of ["ahead", "worst"]) this.at(id).disabled = true;
+    const found = await this.command({ kind: "whatif", worst, links, attack, parameters, horizon_sec: Number(this.at("horizon").value) });
+    for (const id of ["ahead", "worst"]) this.at(id).disabled = false;
+    if (found.kind === "forecast") {
+      this.at("verdict").textContent = this.at("verdict").className = "";
+      this.foreseen(found);
+    } else this.say(found, "what if");
   }
 
   async order(action) {
@@ -93,6 +113,6 @@ export class AttackForm {
       one.classList.toggle("wrong", blamed);
       one.setAttribute("aria-invalid", String(blamed));
     }
-    this.at("start").disabled = !reply.ok && action === "check";
+    if (this.acts) this.at("start").disabled = !reply.ok && action === "check";
   }
 }

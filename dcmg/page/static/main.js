@@ -13,15 +13,15 @@ const WHAT = { attack: "✕ attack", over: "○ over", alarm: "▲ alarm", quiet
 const LOG_LINES = 400;
 
 const at = (id) => document.getElementById(id);
-const state = { outline: null, frame: null, chosen: "", span: 10, shades: [], drawn: false };
+const state = { outline: null, frame: null, chosen: "", span: 10, shades: [], now: 0, forecast: null };
 
 const wire = new Wire(await (await fetch("schema.json")).json(), heard, connection);
 const command = (message) => wire.command(message);
-const form = new AttackForm(command);
+const form = new AttackForm(command, foreseen);
 const graph = new Graph(at("graph"), choose);
 const heat = new Heat(at("heat"), at("heat-rows"), at("ramp"), choose);
-const anyShade = () => state.shades.map((one) => [one.from, one.to ?? Infinity]);
-const linkShade = () => state.shades.filter((one) => one.link === state.chosen).map((one) => [one.from, one.to ?? Infinity]);
+const anyShade = () => state.shades.map((one) => [one.from, one.to ?? state.now]);
+const linkShade = () => state.shades.filter((one) => one.link === state.chosen).map((one) => [one.from, one.to ?? state.now]);
 const strips = {
   voltage: new Strip(at("voltage-plot"), { labels: [], unit: "V", least: 0.02, shades: anyShade }),
   current: new Strip(at("current-plot"), { labels: [], unit: "A", least: 0.2, shades: anyShade }),
@@ -89,6 +89,7 @@ function choose(name) {
   at("certificate").replaceChildren(...(link?.certificate ?? []).map((one) => make("li", {}, one)));
   form.choose(name);
   residual.clear();
+  bands();
   wire.look(view());
   if (state.frame) later();
 }
@@ -136,8 +137,9 @@ function draw() {
   const { outline, frame, chosen } = state;
   if (!frame || frame.links.length !== outline.links.length) return;
   const now = frame.time.step * outline.sampling_period_sec;
+  state.now = now;
   const from = Math.max(0, now - state.span);
-  const to = Math.max(now, state.span);
+  const to = Math.max(now, state.span, horizon(now));
   graph.show(outline, frame, chosen);
   heat.states(frame.links, outline, chosen);
   if (visible.get("heat") !== false) heat.draw(from, to);
@@ -170,6 +172,38 @@ function setRate(rate) {
   const value = String(rate);
   if (![...select.options].some((one) => one.value === value)) select.append(make("option", { value }, `${rate} ×`));
   select.value = value;
+}
+
+/** Draw a forecast beside the truth until it is over, or forgotten. */
+function foreseen(forecast) {
+  state.forecast = forecast;
+  at("foreseen").hidden = forecast === null;
+  at("foreseen").querySelector("ul").replaceChildren(...(forecast?.lines ?? []).map((one) => make("li", {}, one)));
+  bands();
+  later();
+}
+
+function bands() {
+  const forecast = state.forecast ?? null;
+  const period = state.outline.sampling_period_sec;
+  for (const [name, strip] of [...Object.entries(strips), [state.chosen, residual]]) {
+    const found = forecast?.bands.find((one) => one.panel === name);
+    strip.band = found ? { ...found, from: forecast.first_step * period, column: forecast.bin_steps * period } : null;
+  }
+  document.body.dataset.foreseen = forecast ? String(forecast.first_step) : "";
+}
+
+/** Until when there is something to draw [s]. */
+function horizon(now) {
+  const { forecast, outline, span } = state;
+  if (!forecast) return now;
+  const period = outline.sampling_period_sec;
+  const [from, to] = [forecast.first_step * period, (forecast.first_step + forecast.steps) * period];
+  if (now > to + span || now < from - period) {
+    foreseen(null);
+    return now;
+  }
+  return to;
 }
 
 function linkPanel(outline, frame, chosen) {
@@ -260,6 +294,7 @@ const KEYS = {
   k: () => neighbour(-1),
   a: () => at("kind").focus(),
   s: () => form.order("stop"),
+  f: () => state.outline.can.includes("whatif") && form.ahead(false),
   "?": () => at("keys").showModal(),
   ArrowLeft: () => state.outline.can.includes("seek") && seek(state.frame.time.step - 1 / state.outline.sampling_period_sec),
   ArrowRight: () => state.outline.can.includes("seek") && seek(state.frame.time.step + 1 / state.outline.sampling_period_sec),

@@ -35,6 +35,13 @@ export class Strip {
     const axis = { stroke: ink, font, grid: { stroke: colour("line"), width: 1 }, ticks: { stroke: colour("rule"), width: 1 } };
     const series = labels.map((label, at) => ({ label, stroke: colour(curveColour(at)), dash: dash(at), width: 1.6, points: { show: false }, show: !this.hidden.has(at) }));
     const linear = (_, low, high) => {
+      for (const band of this.band ? [...this.band.low, ...this.band.high] : []) {
+        for (const value of band) {
+          if (value === null) continue;
+          low = low === null ? value : Math.min(low, value);
+          high = high === null ? value : Math.max(high, value);
+        }
+      }
       if (low === null) return [0, 1];
       const more = Math.max((least - (high - low)) / 2, (high - low) * 0.08);
       return [low - more, high + more];
@@ -49,10 +56,10 @@ export class Strip {
         scales: { x: { time: false, auto: false }, y: log ? { distr: 3, range: ratio } : { range: linear } },
         axes: [
           { ...axis, size: 34, values: (_, ticks) => ticks.map((one) => `${Number(one.toFixed(6))} s`) },
-          { ...axis, size: 62, space: log ? 16 : 34, values: (_, ticks) => ticks.map((one) => (one === null ? "" : log ? logTick(one) : String(Number(one.toPrecision(8))))) },
+          { ...axis, size: 62, space: log ? 16 : 34, ...(log ? { splits: decades } : {}), values: (_, ticks) => ticks.map((one) => (one === null ? "" : log ? logTick(one) : String(Number(one.toPrecision(8))))) },
         ],
         series: [{}, ...series],
-        hooks: { drawClear: [(plot) => this.shade(plot)], draw: [(plot) => this.threshold(plot)] },
+        hooks: { drawClear: [(plot) => this.shade(plot), (plot) => this.foresee(plot)], draw: [(plot) => this.threshold(plot)] },
       },
       this.data,
       this.box,
@@ -119,6 +126,33 @@ export class Strip {
     ctx.restore();
   }
 
+  /** Fill what lies between two futures, edges dashed. */
+  foresee(plot) {
+    if (!this.band) return;
+    const { ctx, bbox } = plot;
+    const { from, column } = this.band;
+    const place = (value, bin) => [plot.valToPos(from + (bin + 0.5) * column, "x", true), plot.valToPos(this.options.log ? Math.max(value, 1e-5) : value, "y", true)];
+    ctx.save();
+    ctx.beginPath();
+    ctx.rect(bbox.left, bbox.top, bbox.width, bbox.height);
+    ctx.clip();
+    this.band.low.forEach((low, at) => {
+      if (this.hidden.has(at) || low.includes(null)) return;
+      const edge = [...low.map(place), ...this.band.high[at].map(place).reverse()];
+      ctx.beginPath();
+      edge.forEach(([x, y], one) => (one ? ctx.lineTo(x, y) : ctx.moveTo(x, y)));
+      ctx.closePath();
+      ctx.fillStyle = ctx.strokeStyle = colour(curveColour(at));
+      ctx.globalAlpha = 0.22;
+      ctx.fill();
+      ctx.globalAlpha = 0.9;
+      ctx.lineWidth = devicePixelRatio;
+      ctx.setLineDash([3 * devicePixelRatio, 3 * devicePixelRatio]);
+      ctx.stroke();
+    });
+    ctx.restore();
+  }
+
   threshold(plot) {
     if (!this.options.log) return;
     const { ctx, bbox } = plot;
@@ -138,6 +172,14 @@ export class Strip {
     ctx.fillText("threshold", bbox.left + 6 * devicePixelRatio, y - 5 * devicePixelRatio);
     ctx.restore();
   }
+}
+
+function decades(_plot, _axis, low, high) {
+  const [first, last] = [Math.ceil(Math.log10(low)), Math.floor(Math.log10(high))];
+  const each = Math.max(1, Math.ceil((last - first) / 7));
+  const found = [];
+  for (let power = Math.ceil(first / each) * each; power <= last; power += each) found.push(10 ** power);
+  return found;
 }
 
 function logTick(value) {

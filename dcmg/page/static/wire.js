@@ -32,7 +32,7 @@ export class Wire {
   take(message) {
     const found = fault(message, this.schema.server);
     if (found) console.error(`from the server: ${found}`);
-    if (message.kind === "reply") {
+    if (message.kind === "reply" || message.kind === "forecast") {
       this.waiting.get(message.id)?.(message);
       this.waiting.delete(message.id);
       return;

@@ -107,6 +107,9 @@ def test_an_attack_by_hand_is_seen_on_its_link_alone(address: str, look: Callabl
     expect(page.locator("#start")).to_be_disabled()
     page.locator('#parameters input[name="bias"]').fill("0.1, 0.1, 0.1")
     expect(page.locator("#verdict")).to_have_class("yes")
+    page.get_by_role("button", name="Play it ahead").click()
+    expect(page.locator("#foreseen li").last).to_have_text(re.compile("^alarm on 1 → 2 after"))
+    expect(page.locator("body")).to_have_attribute("data-foreseen", re.compile(r"^\d+$"))
     _command(page, "Start")
     for one in (page, other):
         expect(one.locator('[data-link="1-2"]')).to_have_class(re.compile("alarm attacked"))
@@ -197,6 +200,21 @@ def test_a_recorded_run_is_scrubbed(
             expect(page.locator("body")).to_have_attribute("data-step", str(step + 1))
             page.wait_for_function(SHOWN, arg=float(record.residual[step, place, 0]))
             expect(page.locator(f'[data-link="{attacked}"].attacked')).to_have_count(int(step == shown))
+
+
+def test_a_moment_of_a_recorded_run_is_forked(
+    serving: Callable[..., AbstractContextManager[str]], look: Callable[[str], Page]
+) -> None:
+    """What if, from the middle of a bag: a band stands beside the truth, and is forgotten on demand."""
+    with serving(str(Path(str(files("bags.golden"))) / "biased"), "--paused") as address:
+        page = look(address)
+        page.locator("#scrub").fill("80")
+        expect(page.locator("body")).to_have_attribute("data-step", "80")
+        expect(page.locator("#start")).to_be_hidden()
+        page.get_by_role("button", name="Play it ahead").click()
+        expect(page.locator("body")).to_have_attribute("data-foreseen", "80")
+        page.get_by_role("button", name="Forget").click()
+        expect(page.locator("#foreseen")).to_be_hidden()
 
 
 def test_a_run_that_ends_is_told_and_comes_back(

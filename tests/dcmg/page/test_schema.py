@@ -16,6 +16,7 @@ EXAMPLES = [
     {"kind": "clock", "id": 1, "action": "rate", "rate": 2},
     {"kind": "seek", "id": 2, "step": 5},
     {"kind": "attack", "id": 3, "action": "check", "links": ["1-2"], "attack": "freeze"},
+    {"kind": "whatif", "id": 4, "links": ["1-2"], "attack": "freeze", "horizon_sec": 5},
 ]
 
 
