@@ -23,12 +23,14 @@ from monitor.errors import HistoryError, MonitorError, OptionError
 from monitor.settings import DetectorSettings
 
 _FORMAT = 1  # of the rows; another one makes kept cells worthless
+_MOST_SEEDS = 8  # of a cell: more are hardly cheaper each, and fewer cells keep fewer cores busy
+_MOST_SAMPLES = 1_500_000  # of a cell, on all links in all of its runs: some 250 MB
 _AT_ONCE = DetectorSettings(options={"settle_sec": 0.0, "calibrate_sec": 0.0})  # learns nothing
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
 class StudyCell:
-    """All runs of one condition, watched by one observer.
+    """The runs of one condition with some of the seeds, watched by one observer.
 
     Attributes:
         study: Name of the study.
@@ -76,7 +78,6 @@ def cells_of(study: Study, source: str, scenario_path: Callable[[str], Path]) ->
         path = scenario_path(study.scenario)
     except ScenarioError as error:
         raise StudyError(f"{source}: scenario = {study.scenario!r}: {error}") from error
-    seeds = tuple(range(study.first_seed, study.first_seed + study.seeds))
     cells = []
     for position, condition in enumerate(study.conditions):
         try:
@@ -94,6 +95,7 @@ def cells_of(study: Study, source: str, scenario_path: Callable[[str], Path]) ->
                 seeds=seeds,
             )
             for observer in study.observers
+            for seeds in _seed_blocks(study, scenarios)
         ]
         _check_detectors(study, base, source)
     return tuple(cells)
@@ -133,6 +135,15 @@ def _said_of(source: str, section: str, place: str) -> Iterator[None]:
         key = ".".join(error.key[1:] if error.key[0] == section else error.key)
         found = "" if error.value is None else f" = {error.value!r}"
         raise StudyError(f"{source}: {place}.{key}{found}: {error.expected}") from error
+
+
+def _seed_blocks(study: Study, scenarios: Mapping[str, Scenario]) -> Iterator[tuple[int, ...]]:
+    """Yield the seeds of each cell: more seeds in a study leave the full blocks as they are."""
+    samples = sum(one.steps * max(1, len(one.links)) for one in scenarios.values())  # with one seed
+    size = max(1, min(_MOST_SEEDS, _MOST_SAMPLES // samples))
+    end = study.first_seed + study.seeds
+    for start in range(study.first_seed, end, size):
+        yield tuple(range(start, min(start + size, end)))
 
 
 def _attacked(study: Study, base: Scenario, source: str) -> dict[str, Scenario]:

@@ -5,8 +5,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from bags.study.judging import Concluded
 from bags.watch.designs import RunDesigns
-from bags.watch.monitors import MonitorArrays
 from bags.watch.watcher import Watcher
 from monitor.combined import DguOutput
 from monitor.detectors import Phase
@@ -30,7 +30,7 @@ class Signals(NamedTuple):
     lying: NDArray[np.bool_]
 
 
-def conclude(designs: RunDesigns, signals: Signals) -> MonitorArrays:
+def conclude(designs: RunDesigns, signals: Signals) -> Concluded:
     """Watch runs whose monitors have the same designs.
 
     Args:
@@ -38,15 +38,11 @@ def conclude(designs: RunDesigns, signals: Signals) -> MonitorArrays:
         signals: What happened.
 
     Returns:
-        Shape (steps, runs, links, ...): `alarm` where a link is accused or, with nobody accused, suspected; `phase` of
-        what arms last; `residual` and `threshold` of the links' observers.
+        Shapes (steps, runs, links): an alarm where a link is accused or, with nobody accused, suspected; armed once
+        what arms last is; sizes of the residuals of the links' observers.
     """
     shape = signals.delivered.shape
-    found = MonitorArrays(
-        phase=np.full(shape, Phase.REFUSED.value, dtype=np.uint8),
-        alarm=np.zeros(shape, dtype=np.bool_),
-        **{name: np.full(signals.received.shape, np.nan) for name in ("estimate", "residual", "threshold")},
-    )
+    phase, alarm, size = np.empty(shape, dtype=np.uint8), np.empty(shape, dtype=np.bool_), np.zeros(shape)
     watch = Watcher(designs=designs, runs=shape[1])
     y_c, y = np.moveaxis(signals.received, -1, 1), np.moveaxis(signals.sent, -1, 1)  # (steps, 3, runs, places)
     for k in range(len(y)):
@@ -60,20 +56,20 @@ def conclude(designs: RunDesigns, signals: Signals) -> MonitorArrays:
         )
         at = 0
         for output in said:
-            at = _note(found, k, at, output)
-    return found
+            at = _note((alarm, phase, size), k, at, output)
+    return Concluded(alarm, phase == Phase.ARMED.value, size)
 
 
-def _note(found: MonitorArrays, k: int, first: int, said: DguOutput) -> int:
+def _note(found: tuple[NDArray[Any], ...], k: int, first: int, said: DguOutput) -> int:
     """Write what one monitor said at step k into the arrays of all links, from its first one on; the next one's."""
+    alarm, phase, size = (one[k] for one in found)
     others: list[Any] = [] if said.local is None else [said.local.monitor.phase]
+    isolation = said.verdict.isolation
     for number, link in enumerate(said.links):
         at = first + number
         phases = [link.phase, *others, *([said.inputs[number].phase] if said.inputs else [])]
-        found.phase[k, :, at] = np.min(np.broadcast_arrays(*phases), axis=0)
-        isolation = said.verdict.isolation
-        found.alarm[k, :, at] = np.asarray(isolation.accused[number]) | np.asarray(isolation.suspected[number])
-        for name in ("residual", "threshold"):
-            for component, value in enumerate(getattr(link, name)):
-                getattr(found, name)[k, :, at, component] = value
+        phase[:, at] = np.min(np.broadcast_arrays(*phases), axis=0)
+        alarm[:, at] = np.asarray(isolation.accused[number]) | np.asarray(isolation.suspected[number])
+        for component in link.residual:
+            np.maximum(size[:, at], np.nan_to_num(np.abs(component)), out=size[:, at])
     return first + len(said.links)

@@ -1,12 +1,12 @@
 """The work of one cell: simulate, design, watch, and one row for every link of every run and operating point.
 
-Runs, attacks and links stand side by side on one axis of "lanes", so that one pass of the observer's and the
-detector's multiply-adds serves them all: the same code, and so the same bits, as in a run.
+Runs, attacks and links stand side by side on one axis of "lanes", so that one pass of the observer's multiply-adds
+serves them all, and one of each detector's: the same code, and so the same bits, as in a run.
 """
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, fields
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 import pyarrow as pa
@@ -15,14 +15,14 @@ from numpy.typing import NDArray
 from bags.study.cells import StudyCell
 from bags.study.combined import Signals, conclude
 from bags.study.designs import designs_of
+from bags.study.judging import Concluded, LinkResiduals, Received
 from bags.study.settings import NO_ATTACK
 from bags.watch.designs import RunDesigns
-from bags.watch.monitors import MonitorArrays, RunMonitors, group_monitors
 from dgu_sim.scenario import Scenario
 from dgu_sim.simulate import simulate
-from monitor.detectors import Phase
 from monitor.link_design import LinkDesign
 from monitor.measures import GridImpact, grid_impact, onsets
+from monitor.settings import DetectorSettings
 
 SCHEMA = pa.schema(
     [
@@ -95,13 +95,12 @@ def evaluate(cell: StudyCell) -> pa.Table:
     window = _window(tuple(cell.scenarios.values())[-1])
     runs = {attack: _simulated(scenario, cell.seeds) for attack, scenario in cell.scenarios.items()}
     designs = [designs_of(cell.observer, base.model_copy(update={"seed": seed})) for seed in cell.seeds]
-    lanes = [link for _ in runs for one in designs for link in one.links]
-    watch = _watch_all if designs[0].settings.combined else _watch_links
+    lanes = [link for one in designs for link in one.links]
+    judge = (_watch_all if designs[0].settings.combined else _watch_links)(tuple(runs.values()), designs)
     tables = []
     for detector in cell.detectors:
         for swept in detector.points:
-            judged_by = [one.judged_by(detector.at(swept)) for one in designs]
-            concluded = watch(tuple(runs.values()), judged_by)
+            concluded = judge(detector.at(swept))
             for position, (attack, one) in enumerate(runs.items()):
                 judged = _judge(one, _Part.of(concluded, position), window, base.sampling_period_sec)
                 point = {"detector": detector.name, "swept": swept, "attack": attack}
@@ -109,23 +108,27 @@ def evaluate(cell: StudyCell) -> pa.Table:
     return pa.concat_tables(tables)
 
 
-def _watch_links(runs: Sequence[_Runs], designs: Sequence[RunDesigns]) -> MonitorArrays:
-    """Return what a monitor on each link concludes, shape (steps, attacks, seeds, links, ...)."""
-    lanes = [link for _ in runs for one in designs for link in one.links]
-    monitors = RunMonitors(designs=tuple(lanes), groups=group_monitors(lanes, designs[0].detector))
-    received, delivered = (np.stack([getattr(one, name) for one in runs], axis=1) for name in ("received", "delivered"))
-    _, concluded = monitors.run(monitors.init(), received, delivered)
-    return concluded
+_Judging: TypeAlias = Callable[[DetectorSettings], Concluded]
+"""What the monitors of all runs of a cell conclude under a detector."""
 
 
-def _watch_all(runs: Sequence[_Runs], designs: Sequence[RunDesigns]) -> MonitorArrays:
-    """Return what the combined monitors conclude, shape (steps, attacks, seeds, links, ...)."""
-    by_seed = []
-    for position, one in enumerate(designs):
-        signals = [np.stack([getattr(run, name)[:, position] for run in runs], axis=1) for name in Signals._fields]
-        by_seed.append(conclude(one, Signals(*signals)))
-    names = [one.name for one in fields(MonitorArrays)]
-    return MonitorArrays(**{name: np.stack([getattr(one, name) for one in by_seed], axis=2) for name in names})
+def _watch_links(runs: Sequence[_Runs], designs: Sequence[RunDesigns]) -> _Judging:
+    """Let the observers of all links run once."""
+    residuals = LinkResiduals.of([Received(one.received, one.delivered) for one in runs], designs)
+    return lambda detector: residuals.judged_by(designs[0].judged_by(detector).detector)
+
+
+def _watch_all(runs: Sequence[_Runs], designs: Sequence[RunDesigns]) -> _Judging:
+    """Let the combined monitors run: a detector's alarm is one of the tests that they draw their conclusion from."""
+
+    def judged_by(detector: DetectorSettings) -> Concluded:
+        by_seed = []
+        for position, one in enumerate(designs):
+            signals = [np.stack([getattr(run, name)[:, position] for run in runs], axis=1) for name in Signals._fields]
+            by_seed.append(conclude(one.judged_by(detector), Signals(*signals)))
+        return Concluded(*(np.stack(each, axis=2) for each in zip(*by_seed, strict=True)))
+
+    return judged_by
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -143,11 +146,12 @@ class _Part:
     size: NDArray[np.float64]
 
     @classmethod
-    def of(cls, concluded: MonitorArrays, position: int) -> "_Part":
-        """Cut one scenario out of what was concluded on all lanes."""
-        armed = np.asarray(concluded.phase[:, position] == Phase.ARMED.value)
-        size = np.nan_to_num(np.abs(concluded.residual[:, position])).max(axis=-1)
-        return cls(alarm=concluded.alarm[:, position], armed=armed, size=np.where(armed, size, 0.0))
+    def of(cls, concluded: Concluded, position: int) -> "_Part":
+        """Cut one scenario out of what was concluded in all runs."""
+        armed = concluded.armed[:, position]
+        return cls(
+            alarm=concluded.alarm[:, position], armed=armed, size=np.where(armed, concluded.size[:, position], 0.0)
+        )
 
 
 def _window(scenario: Scenario) -> tuple[int, int]:
@@ -246,8 +250,8 @@ def _table(
         "source": [link.source for link in links] * len(cell.seeds),
         "target": [link.target for link in links] * len(cell.seeds),
         "attacked": np.tile(runs.attacked, len(cell.seeds)),
-        "accepted": [lane.observer is not None and not lane.blind for lane in lanes[:rows]],
-        "verdict": [lane.verdict for lane in lanes[:rows]],
+        "accepted": [lane.observer is not None and not lane.blind for lane in lanes],
+        "verdict": [lane.verdict for lane in lanes],
         **{name: values.reshape(-1) for name, values in judged.items()},
     }
     return pa.table({field.name: columns[field.name] for field in SCHEMA}, schema=SCHEMA)
