@@ -4,7 +4,7 @@ VENV := .venv
 PY := $(VENV)/bin/python
 MSGS := ros_ws/src/dcmg_msgs
 INTERFACES := $(wildcard $(MSGS)/msg/*.msg $(MSGS)/srv/*.srv) $(MSGS)/CMakeLists.txt $(MSGS)/package.xml
-PROJECTS := pyproject.toml constraints.txt $(wildcard ros_ws/src/*/setup.py ros_ws/src/*/setup.cfg)
+PROJECTS := $(wildcard engine/native/*) pyproject.toml constraints.txt $(wildcard ros_ws/src/*/setup.py ros_ws/src/*/setup.cfg)
 BUILD := $(VENV)/build/dcmg_msgs
 LOWEST := tests/monitor tests/papers/test_turan_2021.py tests/papers/test_delayed.py tests/bags/test_golden.py tests/fuzz
 # Test files beside each other: one a core, four at most (a run over ROS has 15 processes).

@@ -50,7 +50,9 @@ def _print_version(wanted: bool) -> None:  # noqa: FBT001 (typer passes the valu
         return
     from importlib.metadata import version  # noqa: PLC0415 (takes its time)
 
-    typer.echo(f"dcmg {version('dcmg')}")
+    from engine import described  # noqa: PLC0415 (idem)
+
+    typer.echo(f"dcmg {version('dcmg')} ({described()})")
     raise typer.Exit
 
 

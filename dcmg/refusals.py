@@ -68,9 +68,10 @@ def _line(error: Exception) -> str | None:
         return str(error)
     from bags.mcap.errors import BagError  # noqa: PLC0415 (only a command that refuses needs the classes)
     from dgu_sim.errors import DguSimError  # noqa: PLC0415 (idem)
+    from engine import EngineError  # noqa: PLC0415 (idem)
     from monitor.errors import MonitorError  # noqa: PLC0415 (idem)
 
-    return str(error) if isinstance(error, (BagError, CommandError, DguSimError, MonitorError)) else None
+    return str(error) if isinstance(error, (BagError, CommandError, DguSimError, EngineError, MonitorError)) else None
 
 
 def _usage(error: TyperException) -> str:

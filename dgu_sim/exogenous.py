@@ -25,8 +25,8 @@ class SignalBlock:
     """
 
     start: int
-    load: Sequence[Component]
-    noise: Sequence[Vector] | None
+    load: Sequence[Component] | FloatArray
+    noise: Sequence[Vector] | FloatArray | None
 
 
 class Exogenous(Protocol):
@@ -111,6 +111,6 @@ class GridExogenous:
         noise = np.array([[noise for _, noise in run if noise is not None] for run in drawn])
         return SignalBlock(
             start=start,
-            load=list(np.ascontiguousarray(load.transpose(2, 0, 1))),
-            noise=list(np.ascontiguousarray(noise.transpose(2, 3, 0, 1))) if noise.size else None,
+            load=np.ascontiguousarray(load.transpose(2, 0, 1)),
+            noise=np.ascontiguousarray(noise.transpose(2, 3, 0, 1)) if noise.size else None,
         )

@@ -152,6 +152,14 @@ class Relay:
         )
         return following, tuple(samples), tuple(events)
 
+    def untouched(self, state: RelayState) -> float:
+        """Return for how many steps from now on every link passes on what it gets, and nothing is to be told."""
+        return max(0.0, min((one.start_step - state.step for one in state.attacks), default=math.inf))
+
+    def passed(self, state: RelayState, steps: int) -> RelayState:
+        """Return the state after steps that `untouched` promised."""
+        return replace(state, step=state.step + steps, spoofed=())
+
     def pending(self, state: RelayState) -> tuple[tuple[RelayEvent, float], ...]:
         """Return the START event and the stop time [s] (NaN: until stopped) of each active or scheduled attack."""
         return tuple(

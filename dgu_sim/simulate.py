@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from dgu_sim.attacker_knowledge import ScenarioKnowledge
 from dgu_sim.cell import Cell, UnitState
+from dgu_sim.compiled import CompiledCell, compiled_cell
 from dgu_sim.linear import FloatArray
 from dgu_sim.plant import physical_of
 from dgu_sim.records import Physical, Sample
@@ -185,6 +186,7 @@ class Loop:
     cell: Cell
     relay: Relay
     _wiring: "_Wiring"
+    _compiled: CompiledCell | None
 
     def run(self, state: LoopState, steps: int, respond: Respond | None = None) -> tuple[LoopState, Block]:
         """Let all runs go on; how their steps are grouped changes no bit of them.
@@ -194,6 +196,8 @@ class Loop:
             steps: How many steps.
             respond: What the monitors tell secondary control; None: nothing.
         """
+        if self._compiled is not None:
+            return self._run_compiled(self._compiled, state, steps, respond)
         wiring = self._wiring
         buffer = _Buffer.empty(wiring, steps, self.runs)
         cell_state, relay_state = state.cell, state.relay
@@ -219,6 +223,47 @@ class Loop:
         following = LoopState(step=state.step + steps, cell=cell_state, relay=relay_state)
         return following, buffer.block(state.step, told, tuple(doubled))
 
+    def _run_compiled(
+        self, compiled: CompiledCell, state: LoopState, steps: int, respond: Respond | None
+    ) -> tuple[LoopState, Block]:
+        """Do as `run`, in kernels wherever nobody touches a link."""
+        wiring, rows, relay_state = self._wiring, compiled.rows(state.cell, steps), state.relay
+        events: list[RelayEvent] = []
+        doubled: list[Doubled] = []
+        row = 0
+        while row < steps:
+            quiet = 0 if respond is not None else int(min(self.relay.untouched(relay_state), steps - row))
+            if quiet > 0:
+                taken = rows.advance(row, quiet)
+                relay_state, row = self.relay.passed(relay_state, taken), row + taken
+                continue
+            rows.say(row)
+            sent, received = np.moveaxis(rows.y[row], -1, 0), np.moveaxis(rows.received[row], -1, 0)
+            delivered = heard = rows.delivered[row]
+            relay_state, occurred = wiring.relay(self.relay, relay_state, sent, received, delivered)
+            events += occurred
+            if relay_state.spoofed:
+                doubled += wiring.spoof(state.step + row, relay_state, received, delivered)
+            if respond is not None:
+                spoofed = [position for position, _ in relay_state.spoofed]
+                heard = delivered & ~respond(sent, rows.reference[row], received, delivered, spoofed)
+            rows.move(row, heard)
+            row += 1
+        told = tuple(RunEvent(run=run, event=one) for one in events for run in range(self.runs))
+        following = LoopState(step=state.step + steps, cell=rows.state, relay=relay_state)
+        return following, Block(
+            first_step=state.step,
+            x=rows.x,
+            y=rows.y,
+            load_current=rows.load_current,
+            reference=rows.reference,
+            alpha=rows.alpha,
+            received=rows.received,
+            delivered=rows.delivered,
+            events=told,
+            doubled=tuple(doubled),
+        )
+
 
 def loop_of(
     scenario: Scenario,
@@ -240,7 +285,16 @@ def loop_of(
     runs = (scenario.seed,) if seeds is None else tuple(seeds)
     cell = cell_of_all(scenario, runs)
     relay, relay_state = relay_of(scenario, runs, recorded, ready_sec)
-    loop = Loop(runs=len(runs), cell=cell, relay=relay, _wiring=_Wiring.of(scenario))
+    wiring = _Wiring.of(scenario)
+    compiled = compiled_cell(
+        cell,
+        len(runs),
+        sources=wiring.sources,
+        physical=wiring.physical_slots,
+        incoming=wiring.link_slots,
+        wired=wiring.wired[0],
+    )
+    loop = Loop(runs=len(runs), cell=cell, relay=relay, _wiring=wiring, _compiled=compiled)
     return loop, LoopState(step=0, cell=cell.init(), relay=relay_state)
 
 
@@ -363,7 +417,7 @@ class _Wiring:
         for position, sample in state.spoofed:
             spoofed = np.stack(np.broadcast_arrays(*sample.y, received[0, :, position])[:-1], axis=-1)
             arrived = np.broadcast_to(sample.delivered, spoofed.shape[:1]).copy()
-            relayed = np.ascontiguousarray(received[:, :, position].T)
+            relayed = np.array(received[:, :, position].T, order="C")  # a copy: the row may be overwritten below
             yield Doubled(
                 step=step,
                 position=position,

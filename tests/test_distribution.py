@@ -17,7 +17,7 @@ from packaging.requirements import Requirement
 from packaging.version import Version
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = ("bags", "dcmg", "dgu_sim", "monitor")
+PACKAGES = ("bags", "dcmg", "dgu_sim", "engine", "monitor")
 ALSO_NEEDED = ("ros_ws/src/dcmg_msgs", "pyproject.toml", "README.md", "LICENSE")
 
 
@@ -48,6 +48,7 @@ def test_wheel_holds_every_module(wheel_files: set[str]) -> None:
     modules = {str(path.relative_to(ROOT)) for package in PACKAGES for path in (ROOT / package).rglob("*.py")}
     assert modules <= wheel_files
     assert {f"{package}/py.typed" for package in PACKAGES} <= wheel_files
+    assert any(path.startswith("engine/_native.") and path.endswith(".so") for path in wheel_files)
 
 
 def test_wheel_holds_the_message_definitions(wheel_files: set[str]) -> None:

@@ -9,6 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 from bags.mcap.writer import BagWriter
 from dgu_sim.scenario import Scenario
+from engine import chosen
 
 SCENARIO_ATTACHMENT = "scenario.yaml"
 HOST_ATTACHMENT = "host.json"
@@ -42,7 +43,8 @@ def attach_versions(writer: BagWriter) -> None:
     Raises:
         BagError: The disk refuses.
     """
-    versions = {"python": platform.python_version(), **{name: _version(name) for name in _PACKAGES}}
+    packages = {name: _version(name) for name in _PACKAGES}
+    versions = {"python": platform.python_version(), "engine": chosen(), **packages}
     writer.attach(VERSIONS_ATTACHMENT, json.dumps(versions, indent=1).encode(), "application/json")
 
 

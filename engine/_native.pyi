@@ -1,0 +1,12 @@
+# Arguments that are objects are arrays: whatever has a contiguous buffer, or None.
+def instruction_sets() -> list[str]: ...
+def advance(
+    engine: str,
+    sizes: tuple[int, int, int, int, int],
+    step_gain: float,
+    constants: tuple[object, ...],
+    span: tuple[int, int, int, int, int, int],
+    rows: tuple[object, ...],
+    states: tuple[object, object],
+    /,
+) -> None: ...

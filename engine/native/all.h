@@ -1,0 +1,2 @@
+/* Every kernel, once for each instruction set. */
+#include "plant.h"

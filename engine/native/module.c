@@ -1,0 +1,183 @@
+/* engine._native: the kernels in every instruction set that the compiler knows, chosen by name at each call.
+ *
+ * Compiled with -ffp-contract=off: a fused multiply-add rounds once where Python's floats and numpy round twice.
+ */
+
+#define Py_LIMITED_API 0x030B0000 /* one build for every Python from 3.11 on */
+#define PY_SSIZE_T_CLEAN
+#include <Python.h>
+#include <stdint.h>
+#include <stdlib.h>
+#include <string.h>
+
+#include "kernels.h"
+
+#define NAME(x) x##_baseline
+#include "all.h"
+#undef NAME
+#ifdef __x86_64__
+#pragma GCC push_options
+#pragma GCC target("avx2")
+#define NAME(x) x##_avx2
+#include "all.h"
+#undef NAME
+#pragma GCC pop_options
+#pragma GCC push_options
+#pragma GCC target("avx512f,avx512dq,avx512vl,prefer-vector-width=512")
+#define NAME(x) x##_avx512
+#include "all.h"
+#undef NAME
+#pragma GCC pop_options
+#endif
+
+typedef struct {
+  const char *name;
+  int (*advance)(const Plant *, const Block *, int64_t, int64_t, int64_t, int, double *, double *);
+} Kernels;
+
+static const Kernels KERNELS[] = {
+#ifdef __x86_64__
+    {"avx512", advance_avx512},
+    {"avx2", advance_avx2},
+    {"sse2", advance_baseline},
+#else
+    {"baseline", advance_baseline},
+#endif
+};
+enum { SETS = sizeof KERNELS / sizeof *KERNELS };
+
+static int runs_here(const char *name) {
+#ifdef __x86_64__
+  __builtin_cpu_init();
+  if (!strcmp(name, "avx512"))
+    return __builtin_cpu_supports("avx512f") && __builtin_cpu_supports("avx512dq") && __builtin_cpu_supports("avx512vl");
+  if (!strcmp(name, "avx2")) return __builtin_cpu_supports("avx2");
+#endif
+  return 1;
+}
+
+/* ---- arguments: a tuple of whole numbers, a tuple of arrays */
+
+enum { MOST = 32 };
+
+typedef struct {
+  Py_buffer views[MOST];
+  int held;
+} Arrays;
+
+static void release(Arrays *arrays) {
+  while (arrays->held) PyBuffer_Release(&arrays->views[--arrays->held]);
+}
+
+/* The next array: `count` elements of `size` bytes, or NULL for None. Sets an error where it is anything else. */
+static void *take(Arrays *arrays, PyObject *tuple, Py_ssize_t at, int64_t count, size_t size, int flags) {
+  PyObject *one = PyErr_Occurred() ? NULL : PyTuple_GetItem(tuple, at);
+  if (!one || one == Py_None) return NULL;
+  Py_buffer *view = &arrays->views[arrays->held];
+  if (PyObject_GetBuffer(one, view, PyBUF_C_CONTIGUOUS | flags)) return NULL;
+  arrays->held++;
+  if (view->len == (Py_ssize_t)(count * (int64_t)size)) return view->buf;
+  PyErr_Format(PyExc_ValueError, "array %zd has %zd bytes, expected %zd", at, view->len, (Py_ssize_t)(count * size));
+  return NULL;
+}
+
+static int numbers_of(PyObject *tuple, int64_t *numbers, Py_ssize_t count) {
+  if (PyTuple_Size(tuple) != count) {
+    if (!PyErr_Occurred()) PyErr_Format(PyExc_ValueError, "expected %zd whole numbers", count);
+    return -1;
+  }
+  for (Py_ssize_t at = 0; at < count; at++) numbers[at] = PyLong_AsLongLong(PyTuple_GetItem(tuple, at));
+  return PyErr_Occurred() ? -1 : 0;
+}
+
+static const Kernels *kernels_of(const char *name) {
+  for (int at = 0; at < SETS; at++)
+    if (!strcmp(KERNELS[at].name, name) && runs_here(name)) return &KERNELS[at];
+  PyErr_Format(PyExc_ValueError, "no kernels for %s here", name);
+  return NULL;
+}
+
+static PyObject *done(Arrays *arrays, int failed) {
+  release(arrays);
+  if (PyErr_Occurred()) return NULL;
+  if (failed) return PyErr_NoMemory();
+  Py_RETURN_NONE;
+}
+
+/* ---- what Python calls */
+
+static PyObject *instruction_sets(PyObject *self, PyObject *none) {
+  (void)self, (void)none;
+  PyObject *names = PyList_New(0);
+  for (int at = 0; names && at < SETS; at++) {
+    if (!runs_here(KERNELS[at].name)) continue;
+    PyObject *name = PyUnicode_FromString(KERNELS[at].name);
+    if (!name || PyList_Append(names, name)) Py_CLEAR(names);
+    Py_XDECREF(name);
+  }
+  return names;
+}
+
+static PyObject *advance(PyObject *self, PyObject *args) {
+  (void)self;
+  const char *name;
+  PyObject *sizes, *constants, *span, *rows, *states;
+  double step_gain;
+  if (!PyArg_ParseTuple(args, "sO!dO!O!O!O!", &name, &PyTuple_Type, &sizes, &step_gain, &PyTuple_Type, &constants,
+                        &PyTuple_Type, &span, &PyTuple_Type, &rows, &PyTuple_Type, &states))
+    return NULL;
+  const Kernels *kernels = kernels_of(name);
+  int64_t s[5], at[6]; /* at: first row, rows, offset among the signals, what to do, rows of the block, of the signals */
+  if (!kernels || numbers_of(sizes, s, 5) || numbers_of(span, at, 6)) return NULL;
+  Plant p = {.runs = s[0], .dgus = s[1], .links = s[2], .slots = s[3], .hearing = s[4], .step_gain = step_gain};
+  Arrays arrays = {.held = 0};
+  const size_t real = sizeof(double), whole = sizeof(int64_t);
+#define GIVEN(field, index, count, size) p.field = take(&arrays, constants, index, count, size, 0)
+  GIVEN(own, 0, 15 * p.dgus, real);
+  GIVEN(conductances, 1, p.slots * p.dgus, real);
+  GIVEN(others, 2, 15 * p.slots * p.dgus, real);
+  GIVEN(reference, 3, p.dgus, real);
+  GIVEN(hidden, 4, 3 * p.dgus, real);
+  GIVEN(own_inverse, 5, p.dgus, real);
+  GIVEN(inverses, 6, p.hearing * p.dgus, real);
+  GIVEN(sources, 7, p.links, whole);
+  GIVEN(physical, 8, p.slots * p.dgus, whole);
+  GIVEN(incoming, 9, p.hearing * p.dgus, whole);
+  GIVEN(wired, 10, p.hearing * p.dgus, 1);
+#undef GIVEN
+  int64_t lanes = p.runs * p.dgus, held = at[4] * lanes, received = at[4] * p.runs * p.links;
+  Block b;
+#define ROWS(field, index, count, size, flags) b.field = take(&arrays, rows, index, count, size, flags)
+  ROWS(load, 0, at[5] * lanes, real, 0);
+  ROWS(noise, 1, 3 * at[5] * lanes, real, 0);
+  ROWS(x, 2, 3 * held, real, PyBUF_WRITABLE);
+  ROWS(y, 3, 3 * held, real, PyBUF_WRITABLE);
+  ROWS(load_current, 4, held, real, PyBUF_WRITABLE);
+  ROWS(reference, 5, held, real, PyBUF_WRITABLE);
+  ROWS(alpha, 6, held, real, PyBUF_WRITABLE);
+  ROWS(received, 7, 3 * received, real, PyBUF_WRITABLE);
+  ROWS(heard, 8, at[1] * p.runs * p.links, 1, 0);
+#undef ROWS
+  double *x = take(&arrays, states, 0, 3 * lanes, real, PyBUF_WRITABLE);
+  double *alpha = take(&arrays, states, 1, lanes, real, PyBUF_WRITABLE);
+  int failed = 0;
+  if (at[0] < 0 || at[1] < 0 || at[2] < 0 || at[0] + at[1] > at[4] || at[2] + at[1] > at[5])
+    PyErr_SetString(PyExc_ValueError, "rows outside the block or its signals");
+  if (!PyErr_Occurred()) {
+    Py_BEGIN_ALLOW_THREADS
+    failed = kernels->advance(&p, &b, at[0], at[1], at[2], (int)at[3], x, alpha);
+    Py_END_ALLOW_THREADS
+  }
+  return done(&arrays, failed);
+}
+
+static PyMethodDef METHODS[] = {
+    {"instruction_sets", instruction_sets, METH_NOARGS, "Names of the instruction sets that run here, widest first."},
+    {"advance", advance, METH_VARARGS, "Take steps of all DGUs of all runs: dgu_sim/compiled.py."},
+    {NULL, NULL, 0, NULL},
+};
+
+static struct PyModuleDef MODULE = {
+    PyModuleDef_HEAD_INIT, .m_name = "engine._native", .m_size = 0, .m_methods = METHODS};
+
+PyMODINIT_FUNC PyInit__native(void) { return PyModuleDef_Init(&MODULE); }
