@@ -9,12 +9,22 @@ import typer
 
 from dcmg.commands import scenario_options as options
 from dcmg.errors import CommandError
+from dcmg.joined import joined
 
 if TYPE_CHECKING:
     from dcmg.page.source import Source
 
 Shown = Annotated[
-    str, typer.Argument(help="scenario (a shipped name, or a file) to simulate, or a bag to look through")
+    str | None,
+    typer.Argument(
+        metavar="SCENARIO|BAG",
+        help="scenario (a shipped name, or a file) to simulate, or a bag to look through",
+        show_default=False,
+    ),
+]
+Attach = Annotated[bool, typer.Option("--attach", help="show a run over ROS 2 that goes on already, and attack it")]
+Domain = Annotated[
+    int | None, typer.Option(help="with --attach: ROS domain id; default: the only one running", show_default=False)
 ]
 Port = Annotated[int, typer.Option(min=0, max=65535, help="port to listen at; 0: any that is free")]
 Host = Annotated[
@@ -26,8 +36,10 @@ Paused = Annotated[bool, typer.Option("--paused", help="let time stand still unt
 
 
 def page(
-    shown: Shown,
+    shown: Shown = None,
     *,
+    attach: Attach = False,
+    domain: Domain = None,
     port: Port = 0,
     host: Host = "127.0.0.1",
     browser: Browser = True,
@@ -44,20 +56,36 @@ def page(
 
     `dcmg page gallo_six_dgu` simulates at the pace of the wall clock, without ROS, until Ctrl-C (or --duration).
     `dcmg page out/demo/bag` shows a recorded run: scrub, play at any speed.
+    `dcmg page --attach` (or `dcmg run … --page`) shows the run of `dcmg run`, whose attacker it calls.
     The first line on standard output is the address. Needs `pip install 'dcmg[page]'`.
     """
-    try:
-        from dcmg.page.pace import Pace  # noqa: PLC0415 (heavy)
-        from dcmg.page.serving import serve  # noqa: PLC0415 (heavy)
-    except ModuleNotFoundError as error:
-        if error.name in {"starlette", "uvicorn", "websockets"}:
-            raise CommandError(f"the page needs the Python package {error.name}: pip install 'dcmg[page]'") from error
-        raise
+    check_installed()
+    if attach:
+        if shown is not None:
+            raise CommandError(f"{shown}: expected no scenario together with --attach, the run has one")
+        joined("page.attach", "dcmg page --attach")(domain, host, port, browser=browser)
+        return
+    if shown is None:
+        raise CommandError("expected a scenario, a bag or --attach (see `dcmg page --help`, `dcmg scenarios`)")
+    if domain is not None:
+        raise CommandError(f"--domain {domain}: expected only together with --attach")
+    from dcmg.page.pace import Pace  # noqa: PLC0415 (heavy)
+    from dcmg.page.serving import serve  # noqa: PLC0415 (heavy)
+
     chosen = options.ScenarioOptions(
         name=shown, duration_sec=duration, seed=seed, out=None, overrides=set_ or [], history=history, anyway=anyway
     )
     source = _bag(chosen, designs) if Path(shown).is_dir() else _simulation(chosen, designs)
     serve(Pace(source, rate, running=not paused), host, port, browser=browser)
+
+
+def check_installed() -> None:
+    """See that the server's packages are there; raises CommandError where one is missing."""
+    from importlib import util  # noqa: PLC0415 (takes its time)
+
+    for name in ("starlette", "uvicorn", "websockets"):
+        if util.find_spec(name) is None:
+            raise CommandError(f"the page needs the Python package {name}: pip install 'dcmg[page]'")
 
 
 def _bag(chosen: options.ScenarioOptions, designs: Path | None) -> Source:

@@ -17,8 +17,7 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 from dcmg.page.foresight import Foresight
 from dcmg.page.guard import Guard, Keys
 from dcmg.page.messages import Attack, Bye, Clock, Hello, Reply, Seek, View, WhatIf, parse_client, schema
-from dcmg.page.pace import Pace
-from dcmg.page.source import RefusalError
+from dcmg.page.source import Driver, RefusalError
 from dcmg.page.viewer import Viewer
 
 FRAMES_A_SECOND = 20
@@ -35,7 +34,7 @@ class Page:
         keys: What visitors must know.
     """
 
-    def __init__(self, pace: Pace, keys: Keys) -> None:
+    def __init__(self, pace: Driver, keys: Keys) -> None:
         """Read the files of the page."""
         self._pace, self._keys = pace, keys
         self._browsers: set[WebSocket] = set()

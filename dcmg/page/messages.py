@@ -160,6 +160,7 @@ class Outline(_Message):
         about: Its description.
         end_step: Its length in steps; None: it goes on.
         outputs: Names of what residuals are of, with units.
+        bag: Where it is recorded, None: nowhere.
         can: What can be done to it: clock, seek, attack, whatif.
     """
 
@@ -170,6 +171,7 @@ class Outline(_Message):
     sampling_period_sec: float
     end_step: int | None
     outputs: list[str]
+    bag: str | None
     can: list[str]
     dgus: list[Dgu]
     lines: list[Line]

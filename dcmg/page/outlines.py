@@ -63,6 +63,7 @@ def outline(
     sampling_period_sec: float,
     end_step: int | None,
     outputs: int,
+    bag: str | None = None,
 ) -> Outline:
     """Put it together; without a scenario (an imported stream) the lines are not known."""
     units, lines = ([Dgu(number=one, facts="") for one in dgus], []) if scenario is None else of_scenario(scenario)
@@ -79,6 +80,7 @@ def outline(
             "sampling_period_sec": sampling_period_sec,
             "end_step": end_step,
             "outputs": outputs_named(outputs),
+            "bag": bag,
             "can": can,
             "dgus": units,
             "lines": lines,

@@ -13,13 +13,13 @@ import uvicorn
 from dcmg.errors import CommandError
 from dcmg.page.app import Page
 from dcmg.page.guard import Keys, is_loopback
-from dcmg.page.pace import Pace
+from dcmg.page.source import Driver
 
 _MESSAGE_BYTES, _CONNECTIONS = 64 * 1024, 128
 _SWITCH_SEC = 0.001  # the clock's thread does not wait long for the server's
 
 
-def serve(pace: Pace, host: str, port: int, *, browser: bool) -> None:
+def serve(pace: Driver, host: str, port: int, *, browser: bool) -> None:
     """Serve until Ctrl-C; the address is the first line on standard output.
 
     Args:

@@ -1,10 +1,11 @@
 """Where what is shown comes from."""
 
+from contextlib import AbstractContextManager
 from typing import Protocol
 
 from bags.runs.live import LiveRun
 from dcmg.page.board import Board
-from dcmg.page.messages import Attack, Outline
+from dcmg.page.messages import Attack, Clock, Outline, Time
 
 
 class RefusalError(Exception):
@@ -45,3 +46,43 @@ class Source(Protocol):
 
     def close(self) -> None:
         """Give back what is held."""
+
+
+class Driver(Protocol):
+    """What lets a source go on, in a thread of its own.
+
+    Attributes:
+        source: What is shown.
+        lock: Held by whoever touches the source.
+        version: Grows whenever there is something new to show.
+        fault: Why it cannot go on, None: it can.
+    """
+
+    version: int
+
+    @property
+    def source(self) -> Source:
+        """What is shown."""
+
+    @property
+    def lock(self) -> AbstractContextManager[bool]:
+        """Held by whoever touches the source."""
+
+    @property
+    def fault(self) -> str | None:
+        """Why it cannot go on."""
+
+    def start(self) -> None:
+        """Let time go on."""
+
+    def close(self) -> None:
+        """End, and give back what is held."""
+
+    def do(self, order: Clock) -> str:
+        """Pause, go on, make steps, or change the rate; says what was done, or raises RefusalError."""
+
+    def touch(self) -> None:
+        """Say that something is to be shown anew."""
+
+    def time(self) -> Time:
+        """The clock as it is shown."""

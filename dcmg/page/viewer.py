@@ -4,7 +4,7 @@ import numpy as np
 
 from dcmg.page.board import Board, number, numbers
 from dcmg.page.messages import Frame, LinkDetail, Series, View
-from dcmg.page.pace import Pace
+from dcmg.page.source import Driver
 from dcmg.page.trace import extremes
 from dgu_sim.linear import FloatArray
 
@@ -22,7 +22,7 @@ class Viewer:
         pace: The clock and what it drives.
     """
 
-    def __init__(self, pace: Pace) -> None:
+    def __init__(self, pace: Driver) -> None:
         """Nothing has been sent."""
         self._pace = pace
         self._view: View | None = None

@@ -229,7 +229,7 @@ function linkPanel(outline, frame, chosen) {
 function connection(on, farewell) {
   at("link-state").textContent = on ? "live" : "not connected";
   at("link-state").className = `pill ${on ? "ok" : "off"}`;
-  if (!on) notice(farewell || "The run does not answer. It may have ended: what was recorded is in its bag (dcmg page BAG). Trying again …");
+  if (!on) notice(farewell || `${state.outline?.bag ? `The run has ended, or does not answer. Its bag shows every moment: dcmg page ${state.outline.bag}` : "The page does not answer: it has ended."} Trying again …`);
 }
 
 function notice(text) {

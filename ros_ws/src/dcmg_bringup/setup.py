@@ -30,6 +30,7 @@ setup(
             f"attack.stop = {PACKAGE}.attack_commands:stop",
             f"attack.list = {PACKAGE}.attack_commands:list_",
             f"monitor = {PACKAGE}.monitor_command:monitor",
+            f"page.attach = {PACKAGE}.page_command:attach_page",
             f"player = {PACKAGE}.player_commands:app",
             f"replay.publish = {PACKAGE}.replay_publish:publish",
         ],

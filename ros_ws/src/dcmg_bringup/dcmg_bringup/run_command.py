@@ -12,6 +12,7 @@ from rich.markup import escape
 from bags.mcap.recording import ChunkPreset, WhenFull
 from dcmg.commands import recording_options as recorded
 from dcmg.commands import scenario_options as options
+from dcmg.commands.page import check_installed
 from dcmg.errors import CommandError
 from dcmg_nodes.options import PacingMode
 
@@ -53,6 +54,9 @@ def run(
     json: options.Json = False,
     plots: options.Plots = True,
     anyway: options.Anyway = False,
+    page: Annotated[
+        bool, typer.Option("--page", help="show the run in a browser as it goes on (docs/page.md)")
+    ] = False,
     domain: Annotated[
         int | None, typer.Option(help="ROS domain id; default: ROS_DOMAIN_ID, else a free one", show_default=False)
     ] = None,
@@ -88,11 +92,19 @@ def run(
     )
     if rate != 1.0 and pacing is PacingMode.LOCKSTEP:
         raise CommandError(f"--rate {rate:g}: expected only together with --pacing realtime")
+    if page:
+        check_installed()
     from dcmg_bringup.domain import checked_domain  # noqa: PLC0415 (not for the help)
     from dcmg_bringup.run_job import RunOptions  # noqa: PLC0415 (heavy)
 
     how = RunOptions(
-        pacing=pacing, rate=rate, composed=composed, domain=checked_domain(domain), recording=recording, designs=designs
+        pacing=pacing,
+        rate=rate,
+        composed=composed,
+        domain=checked_domain(domain),
+        recording=recording,
+        designs=designs,
+        page=page,
     )
     code = _run(chosen, how, json=json, plots=plots)
     for number in (signal.SIGTERM, signal.SIGINT):

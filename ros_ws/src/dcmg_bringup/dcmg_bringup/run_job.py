@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from contextlib import nullcontext
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
@@ -12,6 +13,7 @@ from bags.mcap.recording import Recording
 from bags.mcap.repair import repair
 from dcmg_bringup.domain import choose_domain, inner_domain
 from dcmg_bringup.interruptions import interruptions
+from dcmg_bringup.page_command import page_beside
 from dcmg_bringup.processes import ProcessGroup
 from dcmg_bringup.ros_environment import ros_environment
 from dcmg_bringup.strangers import Strangers
@@ -59,6 +61,7 @@ class RunOptions:
         domain: ROS domain id, None: the first free one.
         recording: how the bag is written.
         designs: bag with designs that the monitors take where they fit, None: they design everything.
+        page: whether a page shows the run in a browser.
     """
 
     pacing: PacingMode = PacingMode.LOCKSTEP
@@ -67,6 +70,7 @@ class RunOptions:
     domain: int | None = None
     recording: Recording = field(default_factory=Recording)
     designs: Path | None = None
+    page: bool = False
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,7 +105,7 @@ def run_job(scenario: Scenario, out: Path, options: RunOptions, display: Display
     out.mkdir(parents=True, exist_ok=True)
     (out / "scenario.yaml").write_text(scenario.to_yaml())
     with (
-        choose_domain(options.domain, scenario=scenario.name, out=str(out)) as domain,
+        choose_domain(options.domain, scenario=scenario.name, out=str(out.resolve())) as domain,
         inner_domain(public=domain) as inner,
     ):
         os.environ.update(ros_environment(inner))
@@ -117,7 +121,7 @@ def run_job(scenario: Scenario, out: Path, options: RunOptions, display: Display
             designs=options.designs,
         )
         gate = GateOptions(inner=inner, public=domain, folder=out / STRANGERS)
-        with interruptions() as told:
+        with interruptions() as told, page_beside(domain) if options.page else nullcontext():
             group = ProcessGroup(nodes, scenario, node_options, out / "log", gate)
             try:
                 watchdog = Watchdog(group, _silence_sec(scenario, node_options))
