@@ -10,3 +10,13 @@ def advance(
     states: tuple[object, object],
     /,
 ) -> None: ...
+def watch(
+    engine: str,
+    sizes: tuple[int, ...],
+    shapes: tuple[object, ...],
+    samples: tuple[object, ...],
+    margin: float,
+    detector: tuple[object, ...],
+    concluded: tuple[object, ...],
+    /,
+) -> None: ...

@@ -77,12 +77,13 @@ def _at_once(
     residual = np.asarray(estimate.residual)
     if not (np.isfinite(following).all() and np.isfinite(residual).all()):
         return None
-    learned, verdict = _judge(monitor.detector, state.detector, residual)
+    learned, verdict = judge(monitor.detector, state.detector, residual)
     return MonitorState(following, learned), np.asarray(estimate.estimate), residual, verdict
 
 
-def _judge(detector: Detector[Any], state: Any, residual: NDArray[np.float64]) -> tuple[Any, Verdict]:  # noqa: ANN401 - as the detector's
-    if isinstance(detector, BlockDetector):
+def judge(detector: Detector[Any], state: Any, residual: NDArray[np.float64]) -> tuple[Any, Verdict]:  # noqa: ANN401 - as the detector's
+    """Verdicts on residuals (steps, p, links), of which some may be missing; the bits of `Detector.step`."""
+    if isinstance(detector, BlockDetector) and np.isfinite(residual).all():
         return detector.block(state, residual)
     steps, width, links = residual.shape
     phase, alarm = np.empty((steps, links), dtype=np.int64), np.empty((steps, links), dtype=np.bool_)

@@ -6,12 +6,14 @@ shape with arrays over links: the same multiply-adds in the same order, so the s
 
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from functools import partial
 from math import prod
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from bags.watch.compiled_monitors import knows, run_compiled
 from bags.watch.designs import RunDesigns, design_scenario
 from bags.watch.monitor_blocks import run_monitor
 from bags.watch.stacked_observer import StackedObserver
@@ -103,18 +105,32 @@ class RunMonitors:
         delivered = delivered.reshape(shape)
         received = received.reshape(*shape, outputs)
         inputs = np.empty((*shape, 0)) if u is None else u.reshape(*shape, u.shape[-1])
+        known = outputs if self.states is None else self.states
+        blank = np.empty if self._fill(shape[1], outputs, known) else partial(np.full, fill_value=np.nan)
         arrays = MonitorArrays(
             phase=np.full(shape, Phase.REFUSED.value, dtype=np.uint8),
             alarm=np.zeros(shape, dtype=np.bool_),
-            estimate=np.full((*shape, outputs if self.states is None else self.states), np.nan),
-            residual=np.full((*shape, outputs), np.nan),
-            threshold=np.full((*shape, outputs), np.nan),
+            estimate=blank((*shape, known)),
+            residual=blank((*shape, outputs)),
+            threshold=blank((*shape, outputs)),
         )
         following = [
             _run_group(group, state, (inputs, received), delivered, arrays)
             for group, state in zip(self.groups, states, strict=True)
         ]
         return tuple(following), arrays.lanes(lanes)
+
+    def _fill(self, links: int, outputs: int, known: int) -> bool:
+        """Whether every number of every link is written, so that none has to be blank before."""
+        whole = [
+            len(group.positions)
+            for group in self.groups
+            if isinstance(group.monitor.observer, StackedObserver)
+            and not group.monitor.blind
+            and group.monitor.observer.outputs == outputs
+            and group.monitor.observer.states >= known
+        ]
+        return sum(whole) == links
 
 
 def monitors_of(designs: RunDesigns, runs: int = 1) -> RunMonitors:
@@ -223,6 +239,10 @@ def _run_group(
     arrays: MonitorArrays,
 ) -> MonitorState:
     """Step one group through all samples and write its conclusions into the arrays of all links."""
+    u, y = samples
+    if knows(group.monitor, u.shape[-1]):
+        concluded = (arrays.estimate, arrays.residual, arrays.threshold, arrays.phase, arrays.alarm)
+        return run_compiled(group.monitor, state, group.positions, (u, y, delivered), concluded)
     u, y = (np.ascontiguousarray(one[:, group.positions].swapaxes(1, 2)) for one in samples)  # (steps, p, group)
     arrived = np.ascontiguousarray(delivered[:, group.positions])
     state, (phase, alarm, numbers) = run_monitor(group.monitor, state, (u, y), arrived, arrays.estimate.shape[-1])

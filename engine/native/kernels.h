@@ -3,6 +3,9 @@
 #ifndef ENGINE_KERNELS_H
 #define ENGINE_KERNELS_H
 
+#include <math.h>
+#include <stdint.h>
+
 /* The grid: coefficients by DGU, and who hears and feels whom. */
 typedef struct {
   int64_t runs, dgus, links;
@@ -31,6 +34,33 @@ typedef struct {
   double *received;                               /* (rows, runs, links, 3) */
   const unsigned char *heard;                     /* samples that secondary control takes: (steps taken, runs, links) */
 } Block;
+
+/* Monitors of links whose observers have one shape: z+ = A z + B v, xhat = M z + D v, r = H z + J v, v = (u, y). */
+typedef struct {
+  int64_t steps, links;          /* of the arrays */
+  int64_t group;                 /* links that are monitored here */
+  int64_t order, states, inputs, outputs; /* q, n, m, p */
+  int64_t constant;              /* 1: u starts with the constant 1, which does not travel */
+  int64_t carried, width, known; /* components of a row of u, of received, of estimate */
+  const int64_t *positions;      /* (group) */
+  const int64_t *channels;       /* components of received that are outputs: (p) */
+  const double *whole;           /* [H J; M D; A B]: (p + n + q, q + constant + m + p, group) */
+  const double *start;           /* Z: (q, constant + m + p, group) */
+  const double *u, *received;    /* (steps, links, carried), (steps, links, width) */
+  const unsigned char *delivered; /* (steps, links) */
+  double *z;                     /* (q, group) */
+  double *estimate, *residual;   /* (steps, links, known), (steps, links, width); residual NULL: a blind observer */
+  /* The fixed detector; NULL: another judges. */
+  int64_t settle_steps, calibrate_steps;
+  double margin;
+  const double *floor;           /* (p) */
+  double *threshold;             /* (steps, links, width) */
+  unsigned char *phase, *alarm;  /* (steps, links) */
+  int64_t *age, *learned;        /* (group) */
+  double *peak, *level;          /* (p, group) */
+} Monitors;
+
+#define NOT_A_NUMBER ((double)NAN)
 
 enum { SAY = 1, PASS = 2, MOVE = 4 }; /* parts of a step: what happens, what passes the links, on to the next */
 

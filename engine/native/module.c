@@ -13,35 +13,36 @@
 #include "kernels.h"
 
 #define NAME(x) x##_baseline
+#define LANES 2
 #include "all.h"
-#undef NAME
 #ifdef __x86_64__
 #pragma GCC push_options
 #pragma GCC target("avx2")
 #define NAME(x) x##_avx2
+#define LANES 4
 #include "all.h"
-#undef NAME
 #pragma GCC pop_options
 #pragma GCC push_options
 #pragma GCC target("avx512f,avx512dq,avx512vl,prefer-vector-width=512")
 #define NAME(x) x##_avx512
+#define LANES 8
 #include "all.h"
-#undef NAME
 #pragma GCC pop_options
 #endif
 
 typedef struct {
   const char *name;
   int (*advance)(const Plant *, const Block *, int64_t, int64_t, int64_t, int, double *, double *);
+  int (*watch)(const Monitors *);
 } Kernels;
 
 static const Kernels KERNELS[] = {
 #ifdef __x86_64__
-    {"avx512", advance_avx512},
-    {"avx2", advance_avx2},
-    {"sse2", advance_baseline},
+    {"avx512", advance_avx512, watch_avx512},
+    {"avx2", advance_avx2, watch_avx2},
+    {"sse2", advance_baseline, watch_baseline},
 #else
-    {"baseline", advance_baseline},
+    {"baseline", advance_baseline, watch_baseline},
 #endif
 };
 enum { SETS = sizeof KERNELS / sizeof *KERNELS };
@@ -171,9 +172,59 @@ static PyObject *advance(PyObject *self, PyObject *args) {
   return done(&arrays, failed);
 }
 
+static PyObject *watch(PyObject *self, PyObject *args) {
+  (void)self;
+  const char *name;
+  PyObject *sizes, *shapes, *samples, *detector, *concluded;
+  double margin;
+  if (!PyArg_ParseTuple(args, "sO!O!O!dO!O!", &name, &PyTuple_Type, &sizes, &PyTuple_Type, &shapes, &PyTuple_Type,
+                        &samples, &margin, &PyTuple_Type, &detector, &PyTuple_Type, &concluded))
+    return NULL;
+  const Kernels *kernels = kernels_of(name);
+  int64_t s[13];
+  if (!kernels || numbers_of(sizes, s, 13)) return NULL;
+  Monitors m = {.steps = s[0], .links = s[1], .group = s[2], .order = s[3], .states = s[4], .inputs = s[5],
+                .outputs = s[6], .constant = s[7], .carried = s[8], .width = s[9], .known = s[10],
+                .settle_steps = s[11], .calibrate_steps = s[12], .margin = margin};
+  int64_t q = m.order, p = m.outputs, v = m.constant + m.inputs + p, rows = m.steps * m.links;
+  Arrays arrays = {.held = 0};
+  const size_t real = sizeof(double), whole = sizeof(int64_t);
+#define ARRAY(field, from, index, count, size, flags) m.field = take(&arrays, from, index, count, size, flags)
+  ARRAY(positions, shapes, 0, m.group, whole, 0);
+  ARRAY(channels, shapes, 1, p, whole, 0);
+  ARRAY(whole, shapes, 2, (p + m.states + q) * (q + v) * m.group, real, 0);
+  ARRAY(start, shapes, 3, q * v * m.group, real, 0);
+  ARRAY(u, samples, 0, rows * m.carried, real, 0);
+  ARRAY(received, samples, 1, rows * m.width, real, 0);
+  ARRAY(delivered, samples, 2, rows, 1, 0);
+  ARRAY(z, samples, 3, q * m.group, real, PyBUF_WRITABLE);
+  ARRAY(floor, detector, 0, p, real, 0);
+  ARRAY(age, detector, 1, m.group, whole, PyBUF_WRITABLE);
+  ARRAY(learned, detector, 2, m.group, whole, PyBUF_WRITABLE);
+  ARRAY(peak, detector, 3, p * m.group, real, PyBUF_WRITABLE);
+  ARRAY(level, detector, 4, p * m.group, real, PyBUF_WRITABLE);
+  ARRAY(estimate, concluded, 0, rows * m.known, real, PyBUF_WRITABLE);
+  ARRAY(residual, concluded, 1, rows * m.width, real, PyBUF_WRITABLE);
+  ARRAY(threshold, concluded, 2, rows * m.width, real, PyBUF_WRITABLE);
+  ARRAY(phase, concluded, 3, rows, 1, PyBUF_WRITABLE);
+  ARRAY(alarm, concluded, 4, rows, 1, PyBUF_WRITABLE);
+#undef ARRAY
+  int failed = 0, wrong = m.inputs > m.carried;
+  for (int64_t i = 0; !PyErr_Occurred() && i < m.group; i++) wrong |= m.positions[i] < 0 || m.positions[i] >= m.links;
+  for (int64_t i = 0; !PyErr_Occurred() && i < p; i++) wrong |= m.channels[i] < 0 || m.channels[i] >= m.width;
+  if (!PyErr_Occurred() && wrong) PyErr_SetString(PyExc_ValueError, "links, channels or inputs outside the arrays");
+  if (!PyErr_Occurred()) {
+    Py_BEGIN_ALLOW_THREADS
+    failed = kernels->watch(&m);
+    Py_END_ALLOW_THREADS
+  }
+  return done(&arrays, failed);
+}
+
 static PyMethodDef METHODS[] = {
     {"instruction_sets", instruction_sets, METH_NOARGS, "Names of the instruction sets that run here, widest first."},
     {"advance", advance, METH_VARARGS, "Take steps of all DGUs of all runs: dgu_sim/compiled.py."},
+    {"watch", watch, METH_VARARGS, "Take steps of monitors of many links: bags/watch/compiled_monitors.py."},
     {NULL, NULL, 0, NULL},
 };
 

@@ -90,7 +90,7 @@ class FixedDetector:
         Raises:
             MonitorError: the floor has another number of components.
         """
-        floor = self._floor(outputs)
+        floor = self.levels(outputs)
         threshold = floor if self.calibrate_steps == 0 else (float("nan"),) * outputs
         return FixedState(0, 0, (0.0,) * outputs, threshold)
 
@@ -124,7 +124,7 @@ class FixedDetector:
         if learning.any():
             seen = np.maximum.accumulate(np.where(learning[:, None], abs(residual), 0.0), axis=0)
             peaks = np.maximum(_spread(state.peak, links), seen)
-            least = np.array(self._floor(residual.shape[1]))[:, None]
+            least = np.array(self.levels(residual.shape[1]))[:, None]
             complete = (learned >= self.calibrate_steps)[:, None]
             threshold = np.where(complete, larger(self.margin * peaks, least), float("nan"))
             peak = tuple(peaks[-1])
@@ -142,11 +142,16 @@ class FixedDetector:
         )
         threshold = tuple(
             select(complete, larger(self.margin * largest, least), float("nan"))
-            for largest, least in zip(peak, self._floor(len(peak)), strict=True)
+            for largest, least in zip(peak, self.levels(len(peak)), strict=True)
         )
         return FixedState(state.age, learned, peak, threshold)
 
-    def _floor(self, outputs: int) -> tuple[float, ...]:
+    def levels(self, outputs: int) -> tuple[float, ...]:
+        """Smallest threshold of each of `outputs` components.
+
+        Raises:
+            MonitorError: the floor has another number of components.
+        """
         return levels_of(KIND, "floor", self.floor, outputs)
 
 
