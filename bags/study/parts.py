@@ -53,8 +53,8 @@ class Parts:
         table = table.replace_schema_metadata(None)
         return table if table.schema == self._schema else "has other columns"
 
-    def write(self, key: str, table: pa.Table) -> None:
-        """Keep the rows of a cell: as a whole or not at all; what is no file and stands in the way is set aside.
+    def write(self, key: str, data: bytes) -> None:
+        """Keep a part: as a whole or not at all; what is no file and stands in the way is set aside.
 
         Raises:
             OSError: It cannot be written.
@@ -62,12 +62,16 @@ class Parts:
         path = self.path(key)
         if os.path.lexists(path) and not path.is_file():
             path.rename(path.with_name(f"{path.name}.set_aside_{os.getpid()}"))
-        target = pa.BufferOutputStream()
-        told = self._schema.with_metadata({_CELL: key.encode(), _SUM: _BLANK})
-        parquet.write_table(table.cast(told), target, compression="zstd")
-        data = target.getvalue().to_pybytes()
-        digest = b"sha256:" + hashlib.sha256(data).hexdigest().encode()
-        write_whole(data.replace(_BLANK, digest), path)
+        write_whole(data, path)
+
+
+def as_part(key: str, table: pa.Table) -> bytes:
+    """The file of a cell's rows."""
+    target = pa.BufferOutputStream()
+    told = table.schema.with_metadata({_CELL: key.encode(), _SUM: _BLANK})
+    parquet.write_table(table.cast(told), target, compression="zstd")
+    data: bytes = target.getvalue().to_pybytes()
+    return data.replace(_BLANK, b"sha256:" + hashlib.sha256(data).hexdigest().encode())
 
 
 def write_whole(data: bytes, path: Path) -> None:

@@ -1,14 +1,16 @@
 """From the table of a study to operating points with intervals, and to what is best against which attack."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import groupby
+from operator import itemgetter
 from typing import Any
 
 import numpy as np
 import pyarrow as pa
 from numpy.typing import NDArray
 
+from bags.study.runs import IMPACTS, Runs, runs_of
 from bags.study.settings import NO_ATTACK
 from monitor.measures import Measured, block_bootstrap, clopper_pearson, median, more_often, trials_needed
 from monitor.measures.contrast import LIMIT, TRIALS
@@ -107,20 +109,23 @@ class Comparison:
     sharing: Measured
 
 
-def operating_points(table: pa.Table) -> tuple[OperatingPoint, ...]:
-    """Return every combination in the table; those of one observer and detector against one attack are neighbours."""
-    columns = {name: table.column(name).to_numpy(zero_copy_only=False) for name in table.column_names}
-    keys = list(zip(columns["condition"], columns["observer"], columns["detector"], columns["swept"], strict=True))
-    points = []
-    for (condition, observer, detector, swept), rows in _grouped(keys).items():
-        part = {name: column[rows] for name, column in columns.items()}
-        rate = _false_alarm_rate(part)
-        for attack in dict.fromkeys(part["attack"]):
-            if attack == NO_ATTACK and len(set(part["attack"])) > 1:
-                continue
-            mine = {name: column[part["attack"] == attack] for name, column in part.items()}
+def operating_points(tables: Iterable[pa.Table]) -> tuple[OperatingPoint, ...]:
+    """Return every combination in the tables; those of one observer and detector against one attack are neighbours.
+
+    Args:
+        tables: All rows, those of one condition and observer neighbours, those of one seed in one table; they are not
+            kept.
+    """
+    points: list[OperatingPoint] = []
+    pairs = ((pair, runs) for table in tables for pair, runs in runs_of(table))
+    for (condition, observer), several in groupby(pairs, key=itemgetter(0)):
+        gathered: dict[tuple[str, float | None], list[Runs]] = {}
+        for _, by_detector in several:
+            for point, runs in by_detector.items():
+                gathered.setdefault(point, []).append(runs)
+        for (detector, swept), parts in gathered.items():
             names = {"condition": condition, "observer": observer, "detector": detector, "swept": swept}
-            points.append(_point(names, attack, mine, rate, _by_chance(part, mine)))
+            points += _points(names, Runs.joined(parts))
     return tuple(points)
 
 
@@ -164,60 +169,30 @@ def _nobody(kept: Sequence[OperatingPoint]) -> str:
     return f"nobody sees it ({hits[0]} of {runs} runs, {hits[1]} without the attack)"
 
 
-def _grouped(keys: Sequence[tuple[Any, ...]]) -> dict[tuple[Any, ...], NDArray[np.int64]]:
-    """Return the rows of each key, NaN standing for None, in order of appearance."""
-    clean = [tuple(None if isinstance(part, float) and np.isnan(part) else part for part in key) for key in keys]
-    found: dict[tuple[Any, ...], list[int]] = {}
-    for key, rows in groupby(range(len(clean)), key=clean.__getitem__):
-        found.setdefault(key, []).extend(rows)
-    return {key: np.array(rows) for key, rows in found.items()}
+def _points(names: Mapping[str, Any], runs: Runs) -> Iterator[OperatingPoint]:
+    """Put the runs of each attack together."""
+    free = runs.attacks.index(NO_ATTACK)
+    rate = _false_alarm_rate(runs.clean_alarm_steps[free], runs.clean_steps[free])
+    for at, attack in enumerate(runs.attacks):
+        if at == free and len(runs.attacks) > 1:
+            continue
+        seen, chance, accused = (one[at] for one in (runs.seen, runs.by_chance, runs.accused))
+        yield OperatingPoint(
+            **names,
+            attack=attack,
+            accepted=float(runs.accepted[at].sum() / (runs.links * len(seen))),
+            runs=len(seen),
+            false_alarm_rate=rate,
+            detected=clopper_pearson(int(seen.sum()), len(seen)),
+            by_chance=clopper_pearson(int(chance.sum()), len(chance)),
+            delay_sec=median(runs.delay_sec[at][seen]),
+            wrong_accusations=clopper_pearson(int(accused.sum()), len(accused)),
+            **dict[str, Any]({name: median(runs.impact[name][at]) for name in IMPACTS}),
+        )
 
 
-def _by_chance(rows: Mapping[str, NDArray[Any]], attacked: Mapping[str, NDArray[Any]]) -> Measured:
-    """Return how often the attacked links alarm in the window of the attack when there is none."""
-    under = attacked["attacked"].astype(bool)
-    links = set(zip(attacked["source"][under], attacked["target"][under], strict=True))
-    same = np.array([link in links for link in zip(rows["source"], rows["target"], strict=True)])
-    free = (rows["attack"] == NO_ATTACK) & same
-    hits = [bool(rows["detected"][free & (rows["seed"] == seed)].any()) for seed in dict.fromkeys(rows["seed"])]
-    return clopper_pearson(sum(hits), len(hits))
-
-
-def _point(
-    names: Mapping[str, Any], attack: str, rows: Mapping[str, NDArray[Any]], rate: Measured, chance: Measured
-) -> OperatingPoint:
-    """Put the runs of one attack together."""
-    attacked = rows["attacked"].astype(bool)
-    by_seed = [rows["seed"] == seed for seed in dict.fromkeys(rows["seed"])]
-    seen = [bool(rows["detected"][one & attacked].any()) for one in by_seed]
-    accused = [bool(rows["detected"][one & ~attacked].any()) for one in by_seed]
-    delays = [
-        float(np.nanmin(rows["delay_sec"][one & attacked])) for one, hit in zip(by_seed, seen, strict=True) if hit
-    ]
-    first = np.array([int(np.flatnonzero(one)[0]) for one in by_seed])
-    return OperatingPoint(
-        **names,
-        attack=attack,
-        accepted=float(rows["accepted"].mean()),
-        runs=len(by_seed),
-        false_alarm_rate=rate,
-        detected=clopper_pearson(sum(seen), len(seen)),
-        by_chance=chance,
-        delay_sec=median(np.array(delays)),
-        wrong_accusations=clopper_pearson(sum(accused), len(accused)),
-        mean_voltage_until_alarm_v=median(rows["mean_voltage_until_alarm_v"][first]),
-        mean_voltage_v=median(rows["mean_voltage_v"][first]),
-        sharing_until_alarm=median(rows["sharing_until_alarm"][first]),
-        sharing=median(rows["sharing"][first]),
-    )
-
-
-def _false_alarm_rate(rows: Mapping[str, NDArray[Any]]) -> Measured:
+def _false_alarm_rate(alarms: NDArray[np.int64], steps: NDArray[np.int64]) -> Measured:
     """Return the share of attack-free armed samples with an alarm, from the runs without any attack."""
-    free = rows["attack"] == NO_ATTACK
-    seeds = list(dict.fromkeys(rows["seed"][free]))
-    alarms = np.array([rows["clean_alarm_steps"][free & (rows["seed"] == seed)].sum() for seed in seeds])
-    steps = np.array([rows["clean_steps"][free & (rows["seed"] == seed)].sum() for seed in seeds])
     if steps.sum() and not alarms.sum():
         return clopper_pearson(0, int(steps.sum()))
     return block_bootstrap(alarms.astype(np.float64), steps.astype(np.float64), seed=_SEED)

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
-from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
 from dcmg.errors import CommandError
+from dcmg.progress import CountBar
 from dcmg.shipped import scenario_path
 from dcmg.suggest import did_you_mean
 from dcmg.tabular import tabulate
@@ -21,7 +21,7 @@ from dcmg.tabular import tabulate
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
-    from bags.study import Comparison, StudyCell
+    from bags.study import Comparison, Pool, StudyCell
 
 _EXIT_INTERRUPTED = 130
 _PIPED_WIDTH = 160
@@ -59,11 +59,19 @@ def study(
 ) -> None:
     """Run seeds x attacks x observers x detectors offline, and compare them.
 
-    Writes table.parquet (one row for each run, link and operating point), comparison.csv, comparison.md, and ROC, delay
-    and impact curves. An interrupted study goes on where it was when the same command is given again. docs/studies.md
-    explains the keys of a study file.
+    Writes the Parquet data set table (one row for each run, link and operating point), comparison.csv, comparison.md,
+    and ROC, delay and impact curves. An interrupted study goes on where it was when the same command is given again.
+    docs/studies.md explains the keys of a study file.
     """
-    from bags.study import cells_of, check_designs, compare, load_study, operating_points  # noqa: PLC0415 (pyarrow takes its time)
+    from bags.study import (  # noqa: PLC0415 (pyarrow takes its time)
+        LocalPool,
+        cells_of,
+        check_designs,
+        compare,
+        load_study,
+        operating_points,
+        tables_of,
+    )
     from bags.study.figures import write_results  # noqa: PLC0415 (idem)
     from bags.study.page import write_page  # noqa: PLC0415 (idem)
 
@@ -81,10 +89,10 @@ def study(
     cells = cells_of(loaded, str(path), find)
     check_designs(loaded, cells, str(path))
     folder = out or Path("out") / f"study-{loaded.name}"
-    table = _run(cells, folder, workers or os.cpu_count() or 1, quiet=json)
-    points = operating_points(table)
+    table = _run(cells, folder, LocalPool(workers or os.cpu_count() or 1), quiet=json)
+    points = operating_points(tables_of(table))
     comparisons = compare(points, loaded.false_alarm_limit)
-    paths = [folder / "table.parquet", *write_results(points, comparisons, loaded.false_alarm_limit, folder)]
+    paths = [table, *write_results(points, comparisons, loaded.false_alarm_limit, folder)]
     paths.append(write_page(loaded, points, comparisons, folder))
     if json:
         best = [
@@ -98,36 +106,24 @@ def study(
         typer.echo(one)
 
 
-def _run(cells: Sequence[StudyCell], folder: Path, workers: int, *, quiet: bool) -> object:
-    from pyarrow import parquet  # noqa: PLC0415 (takes its time)
+def _run(cells: Sequence[StudyCell], folder: Path, pool: Pool, *, quiet: bool) -> Path:
+    from bags.study import run_study  # noqa: PLC0415 (pyarrow takes its time)
 
-    from bags.study import run_study  # noqa: PLC0415 (idem)
-
-    columns = (
-        TextColumn("{task.description}"),
-        BarColumn(),
-        MofNCompleteColumn(),
-        TimeElapsedColumn(),
-        TimeRemainingColumn(),
-    )
     done = 0
-    with Progress(*columns, console=Console(stderr=True), disable=quiet) as bar:
-        task = bar.add_task("cells", total=len(cells))
+    with CountBar("cells", quiet=quiet) as bar:
 
         def show(finished: int, total: int) -> None:
             nonlocal done
             done = finished
-            bar.update(task, completed=finished, total=total, refresh=True)
+            bar.show(finished, total)
 
         try:
-            path = run_study(cells, folder, workers, show, lambda line: bar.console.print(line, markup=False))
+            return run_study(cells, folder, pool, show, bar.say)
         except KeyboardInterrupt:
-            bar.stop()
             typer.echo(
                 f"dcmg: interrupted; {done} of {len(cells)} cells are kept in {folder}: start again to go on", err=True
             )
             raise typer.Exit(_EXIT_INTERRUPTED) from None
-    return parquet.read_table(path)
 
 
 def _study_path(name_or_path: str) -> Path:

@@ -9,9 +9,10 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 from pyarrow import parquet
 
-from bags.study import StudyCell, run_study
+from bags.study import LocalPool, StudyCell, run_study
 from bags.study.evaluate import SCHEMA
-from bags.study.parts import Parts
+from bags.study.parts import Parts, as_part
+from tests.bags.study.trees import bytes_of
 
 
 def _flip(path: Path, at: int, bit: int = 0) -> None:
@@ -39,7 +40,7 @@ DAMAGES: tuple[tuple[str, Callable[[Path, Path], object]], ...] = (
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Folder with one part, of made-up rows."""
     folder = tmp_path_factory.mktemp("parts")
-    Parts(folder, SCHEMA).write("one", _rows(range(7)))
+    Parts(folder, SCHEMA).write("one", as_part("one", _rows(range(7))))
     return folder
 
 
@@ -50,14 +51,14 @@ def _rows(seeds: range) -> pa.Table:
 
 def test_damaged_parts_are_computed_again_and_said(cells: tuple[StudyCell, ...], tmp_path: Path) -> None:
     """The table of a study in a folder with damaged parts is the same, byte for byte, and each one is named."""
-    table = run_study(cells, tmp_path, workers=2)
-    sound, paths = table.read_bytes(), [tmp_path / "parts" / f"{one.key}.parquet" for one in cells]
+    table = run_study(cells, tmp_path, LocalPool(2))
+    sound, paths = bytes_of(table), [tmp_path / "parts" / f"{one.key}.parquet" for one in cells]
     for reason, damage in DAMAGES:
         damage(*paths)
         said: list[str] = []
-        run_study(cells, tmp_path, workers=2, say=said.append)
+        run_study(cells, tmp_path, LocalPool(2), say=said.append)
         assert [str(paths[0]) in line and reason in line for line in said] == [True], (reason, said)
-        assert table.read_bytes() == sound, reason
+        assert bytes_of(table) == sound, reason
     (aside,) = (tmp_path / "parts").glob("*.set_aside_*")
     assert (aside / "mine").read_text() == "kept"
 

@@ -11,7 +11,17 @@ from pyarrow import parquet
 
 from bags.runs.offline import simulate_to_bag
 from bags.runs.reader import read_run
-from bags.study import StudyCell, StudyError, cells_of, check_designs, compare, load_study, operating_points, run_study
+from bags.study import (
+    LocalPool,
+    StudyCell,
+    StudyError,
+    cells_of,
+    check_designs,
+    compare,
+    load_study,
+    operating_points,
+    run_study,
+)
 from bags.study.evaluate import evaluate
 from bags.study.figures import write_results
 from bags.study.settings import NO_ATTACK, Study
@@ -26,7 +36,7 @@ from monitor.measures import detect, onsets
 def table(tmp_path_factory: pytest.TempPathFactory, tiny_file: Path) -> pa.Table:
     """Table of the tiny study."""
     cells = cells_of(load_study(tiny_file), "tiny.yaml", scenario_path)
-    return parquet.read_table(run_study(cells, tmp_path_factory.mktemp("out"), workers=2))
+    return parquet.read_table(run_study(cells, tmp_path_factory.mktemp("out"), LocalPool(2)))
 
 
 def _rows(table: pa.Table, **wanted: object) -> list[dict[str, Any]]:
@@ -85,7 +95,7 @@ def test_combined_monitors_conclude_as_in_a_run(tiny: Study, tmp_path: Path) -> 
 
 def test_what_is_seen_and_what_is_not(table: pa.Table, tmp_path: Path) -> None:
     """A bias is seen at once, a stealthy trajectory as often as no attack at all; both move the mean voltage."""
-    points = operating_points(table)
+    points = operating_points([table])
     comparisons = {one.attack: one for one in compare(points, 1e-2)}
     best = comparisons["bias"].best
     assert best is not None
@@ -107,7 +117,7 @@ def test_a_lower_threshold_alarms_more(table: pa.Table) -> None:
     """The swept margin moves along the ROC curve: at a tenth of the threshold there are false alarms, else none."""
     rates = {
         (point.observer, point.swept): point.false_alarm_rate.value
-        for point in operating_points(table)
+        for point in operating_points([table])
         if point.attack == "bias"
     }
     for observer in ("data-driven", "model-based"):
@@ -119,15 +129,15 @@ def test_an_interrupted_study_goes_on(
     cells: tuple[StudyCell, ...], table: pa.Table, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Cells that were finished are not done again, and the table is that of an uninterrupted study."""
-    run_study(cells[:1], tmp_path, workers=1)
+    run_study(cells[:1], tmp_path, LocalPool(1))
     done: list[str] = []
 
     def counted(cell: StudyCell) -> pa.Table:
         (tmp_path / f"did_{cell.observer.name}").touch()
         return evaluate(cell)
 
-    monkeypatch.setattr("bags.study.run.evaluate", counted)
-    path = run_study(cells, tmp_path, workers=1, progress=lambda finished, total: done.append(f"{finished}/{total}"))
+    monkeypatch.setattr("bags.study.pool.evaluate", counted)
+    path = run_study(cells, tmp_path, LocalPool(1), progress=lambda finished, total: done.append(f"{finished}/{total}"))
     assert done == ["1/2", "2/2"]
     assert [one.name for one in tmp_path.glob("did_*")] == ["did_model-based"]
     assert repr(parquet.read_table(path).to_pylist()) == repr(table.to_pylist())  # NaN is NaN, bit for bit otherwise
@@ -179,7 +189,7 @@ def test_wrong_observer_options_name_the_observer(refuse: Callable[[str, str], P
     path = refuse("kind: full_order}", "kind: full_order, options: {strategy: none}}")
     cells = cells_of(load_study(path), str(path), scenario_path)
     with pytest.raises(StudyError, match="observer data-driven: full_order: option strategy"):
-        run_study(cells, tmp_path / "out", workers=1)
+        run_study(cells, tmp_path / "out", LocalPool(1))
 
 
 @pytest.mark.parametrize(
@@ -234,7 +244,7 @@ def test_every_key_is_documented() -> None:
 
 def test_few_seeds_have_no_median_interval(table: pa.Table) -> None:
     """Four seeds have a median and no interval; a share has one whatever the number."""
-    (point, *_) = operating_points(table)
+    (point, *_) = operating_points([table])
     assert point.mean_voltage_v.value > 0.0
     assert point.mean_voltage_v.interval is None
     assert point.row()["detected_low"] == point.detected.interval.low if point.detected.interval else False
@@ -246,10 +256,10 @@ def test_too_few_seeds_are_said_with_the_number_that_would_do(table: pa.Table) -
     for row in rows:
         if row["attack"] == "bias" and row["seed"] == 1:
             row["detected"] = False
-    found = {one.attack: one for one in compare(operating_points(pa.Table.from_pylist(rows, table.schema)), 1e-2)}
+    found = {one.attack: one for one in compare(operating_points([pa.Table.from_pylist(rows, table.schema)]), 1e-2)}
     assert found["bias"].best is None
     assert found["bias"].nobody == "too few seeds to tell (4; 20 would)"
     assert found["stealthy"].nobody.startswith("nobody sees it (")
     few = table.filter(pa.compute.less(table["seed"], 3))
-    found = {one.attack: one for one in compare(operating_points(few), 1e-2)}
+    found = {one.attack: one for one in compare(operating_points([few]), 1e-2)}
     assert found["bias"].nobody == "too few seeds to tell (2; 12 would)"

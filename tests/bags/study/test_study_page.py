@@ -9,14 +9,14 @@ import pytest
 from matplotlib.figure import Figure
 from pyarrow import parquet
 
-from bags.study import Study, StudyCell, compare, load_study, operating_points, run_study
+from bags.study import LocalPool, Study, StudyCell, compare, load_study, operating_points, run_study
 from bags.study.figures import QUANTITIES, draw_panel, handles_of, lines_of
 from bags.study.page import write_page
 
 
 @pytest.fixture(name="table", scope="module")
 def _table(tmp_path_factory: pytest.TempPathFactory, tiny_cells: tuple[StudyCell, ...]) -> pa.Table:
-    return parquet.read_table(run_study(tiny_cells, tmp_path_factory.mktemp("page"), workers=1))
+    return parquet.read_table(run_study(tiny_cells, tmp_path_factory.mktemp("page"), LocalPool(1)))
 
 
 @pytest.fixture(name="tiny_cells", scope="module")
@@ -29,7 +29,7 @@ def _tiny_cells(tiny_file: Path) -> tuple[StudyCell, ...]:
 
 def test_every_cell_has_its_curves(table: pa.Table, tiny: Study, tmp_path: Path) -> None:
     """The matrix has a cell for each attack, observer and detector, each leads to curves, and nothing is fetched."""
-    points = operating_points(table)
+    points = operating_points([table])
     text = write_page(tiny, points, compare(points, 1e-2), tmp_path).read_text(encoding="utf-8")
     cells = re.findall(r'<a href="#([\w-]+)" data-line="(\d)">', text)
     assert len(cells) == 2 * 2
@@ -46,7 +46,7 @@ def test_every_cell_has_its_curves(table: pa.Table, tiny: Study, tmp_path: Path)
 @pytest.mark.parametrize("name", list(QUANTITIES))
 def test_axes_have_units_and_no_negative_times(table: pa.Table, name: str) -> None:
     """Every label ends in a unit, a 0 has its place, no axis goes below it, and no point lies outside."""
-    points = [one for one in operating_points(table) if one.attack == "bias"]
+    points = [one for one in operating_points([table]) if one.attack == "bias"]
     axes = Figure().subplots()
     draw_panel(axes, points, name, lines_of(points))
     assert re.search(r"\[\w+\]$", QUANTITIES[name][1])
@@ -62,6 +62,6 @@ def test_axes_have_units_and_no_negative_times(table: pa.Table, name: str) -> No
 
 def test_points_on_one_spot_are_all_seen(table: pa.Table) -> None:
     """Marks are hollow and of different sizes: three observers that detect at once show three of them."""
-    handles = handles_of(lines_of(operating_points(table)))
+    handles = handles_of(lines_of(operating_points([table])))
     assert len({one.get_markersize() for one in handles}) == len(handles)
     assert {one.get_markerfacecolor() for one in handles} == {"none"}

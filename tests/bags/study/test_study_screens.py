@@ -7,9 +7,8 @@ from pathlib import Path
 
 import pytest
 from matplotlib.image import imread
-from pyarrow import parquet
 
-from bags.study import cells_of, compare, load_study, operating_points, run_study
+from bags.study import LocalPool, cells_of, compare, load_study, operating_points, run_study, tables_of
 from bags.study.page import write_page
 from dcmg.shipped import scenario_path
 
@@ -28,9 +27,7 @@ pytestmark = pytest.mark.skipif(BROWSER is None, reason="no Chromium here: apt-g
 def _page(tiny_file: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The page of a tiny study, which also tells how wide it became."""
     tiny, folder = load_study(tiny_file), tmp_path_factory.mktemp("study")
-    points = operating_points(
-        parquet.read_table(run_study(cells_of(tiny, "tiny.yaml", scenario_path), folder, workers=1))
-    )
+    points = operating_points(tables_of(run_study(cells_of(tiny, "tiny.yaml", scenario_path), folder, LocalPool(1))))
     made = write_page(tiny, points, compare(points, 1e-2), folder)
     made.write_text(made.read_text(encoding="utf-8").replace("</body>", PROBE), encoding="utf-8")
     return made
