@@ -329,4 +329,5 @@ addEventListener("resize", () => {
   state.resized = setTimeout(() => state.outline && wire.look(view()), 300);
 });
 
+window.dcmg = { command }; // for scripts of one's own, and the console
 wire.open(view());

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 import shutil
+import time
 from importlib.resources import files
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -82,8 +83,16 @@ def _step(page: Page) -> int:
     return int(page.locator("body").get_attribute("data-step") or 0)
 
 
+def _until(page: Page, expression: str, argument: object = None) -> None:
+    """Wait for the page; Playwright's own wait_for_function needs eval, which the page's policy forbids."""
+    deadline = time.monotonic() + 60.0
+    while not page.evaluate(expression, argument):
+        assert time.monotonic() < deadline, expression
+        page.wait_for_timeout(20)
+
+
 def _reaches(page: Page, step: int) -> None:
-    page.wait_for_function("step => Number(document.body.dataset.step) >= step", arg=step)
+    _until(page, "step => Number(document.body.dataset.step) >= step", step)
 
 
 def _command(page: Page, text: str) -> None:
@@ -162,10 +171,10 @@ def test_everything_is_reached_by_keyboard_and_is_large_enough(address: str, loo
         parseFloat(getComputedStyle(one).fontSize) < 12).map((one) => one.outerHTML.slice(0, 80))"""
     assert page.evaluate(small) == []
     page.set_viewport_size({"width": 390, "height": 844})
-    page.wait_for_function("document.documentElement.scrollWidth <= 390")
+    _until(page, "document.documentElement.scrollWidth <= 390")
     drawn = """() => [...document.querySelectorAll("#graph text")].every(
         (one) => parseFloat(getComputedStyle(one).fontSize) * one.getScreenCTM().a >= 12)"""
-    page.wait_for_function(drawn)
+    _until(page, drawn)
 
 
 def test_both_sides_check_with_one_schema(address: str, look: Callable[[str], Page]) -> None:
@@ -198,7 +207,7 @@ def test_a_recorded_run_is_scrubbed(
         for step in (shown, start - 5, shown):
             page.locator("#scrub").fill(str(step + 1))
             expect(page.locator("body")).to_have_attribute("data-step", str(step + 1))
-            page.wait_for_function(SHOWN, arg=float(record.residual[step, place, 0]))
+            _until(page, SHOWN, float(record.residual[step, place, 0]))
             expect(page.locator(f'[data-link="{attacked}"].attacked')).to_have_count(int(step == shown))
 
 
@@ -239,7 +248,7 @@ def _pictures(page: Page, folder: Path) -> None:
     for name, scheme, width in (("light", "light", 1440), ("dark", "dark", 1440), ("narrow", "light", 390)):
         page.emulate_media(color_scheme=scheme)  # type: ignore[arg-type]
         page.set_viewport_size({"width": width, "height": 1100})
-        page.wait_for_function(f"document.documentElement.scrollWidth <= {width}")
+        _until(page, f"document.documentElement.scrollWidth <= {width}")
         assert len(page.screenshot(path=folder / f"page-{name}.png")) > 20_000
         luminance = "getComputedStyle(document.body).backgroundColor.match(/\\d+/g).map(Number)[0]"
         assert (page.evaluate(luminance) < 60) == (scheme == "dark")
