@@ -18,11 +18,7 @@ from dgu_sim.secondary import Consensus
 from dgu_sim.signals import BLOCK
 from dgu_sim.transition import GridTransition, Transition
 from engine import NUMPY, chosen
-
-try:
-    from engine._native import advance
-except ImportError:  # nothing was compiled, and `chosen` says so
-    advance = None  # type: ignore[assignment]
+from engine.kernels import advance
 
 __all__ = ["CompiledCell", "CompiledRows", "compiled_cell"]
 

@@ -13,7 +13,17 @@ from dgu_sim.model import Frozen, Number, finding
 from dgu_sim.signals import BLOCK, RandomSource, first_step
 from dgu_sim.table import Table
 
-__all__ = ["ConstantLoad", "GaussianLoad", "Load", "LoadModel", "RampLoad", "StepLoad", "TableLoad", "UniformLoad"]
+__all__ = [
+    "ConstantLoad",
+    "GaussianLoad",
+    "Load",
+    "LoadModel",
+    "RampLoad",
+    "StepLoad",
+    "TableLoad",
+    "UniformLoad",
+    "hold_steps",
+]
 
 Hold = Annotated[float | None, Field(gt=0, description="Time a drawn value is held [s]; default: one sampling period.")]
 
@@ -167,14 +177,18 @@ Load: TypeAlias = Annotated[
 ]
 
 
+def hold_steps(hold_sec: float | None, sampling_period_sec: float) -> int:
+    """Return for how many steps a drawn value holds."""
+    return 1 if hold_sec is None else max(1, round(hold_sec / sampling_period_sec))
+
+
 def _steps(first: int, count: int) -> NDArray[np.int64]:
     return np.arange(first, first + count, dtype=np.int64)
 
 
 def _held(first: int, count: int, hold_sec: float | None, sampling_period_sec: float) -> NDArray[np.int64]:
     """Return the number of the drawn value that holds at each step."""
-    hold_steps = 1 if hold_sec is None else max(1, round(hold_sec / sampling_period_sec))
-    return _steps(first, count) // hold_steps
+    return _steps(first, count) // hold_steps(hold_sec, sampling_period_sec)
 
 
 def _drawn(

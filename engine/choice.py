@@ -2,14 +2,7 @@
 
 import os
 
-try:
-    from engine._native import instruction_sets
-except ImportError:  # there was no compiler when this was installed
-
-    def instruction_sets() -> list[str]:
-        """No kernels: numpy alone."""
-        return []
-
+from engine.kernels import instruction_sets
 
 __all__ = ["NUMPY", "VARIABLE", "EngineError", "available", "chosen", "described"]
 

@@ -12,14 +12,10 @@ from numpy.typing import NDArray
 from bags.watch.monitor_blocks import judge
 from bags.watch.stacked_observer import StackedObserver
 from engine import NUMPY, chosen
+from engine.kernels import watch
 from monitor.delayed import ConstantInput
 from monitor.detectors.fixed import FixedDetector, FixedState
 from monitor.link_monitor import LinkMonitor, MonitorState
-
-try:
-    from engine._native import watch
-except ImportError:  # nothing was compiled, and `chosen` says so
-    watch = None  # type: ignore[assignment]
 
 __all__ = ["knows", "run_compiled"]
 

@@ -11,6 +11,7 @@
 #include <string.h>
 
 #include "kernels.h"
+#include "signals.h"
 
 #define NAME(x) x##_baseline
 #define LANES 2
@@ -221,10 +222,41 @@ static PyObject *watch(PyObject *self, PyObject *args) {
   return done(&arrays, failed);
 }
 
+static PyObject *draw(PyObject *self, PyObject *args) {
+  (void)self;
+  PyObject *sizes, *given;
+  enum { LOADS, NOISE, SPREAD };
+  int64_t n[7]; /* what, runs, dgus, items, first step; of noise and spread: kind, stream */
+  if (!PyArg_ParseTuple(args, "O!O!", &PyTuple_Type, &sizes, &PyTuple_Type, &given) || numbers_of(sizes, n, 7))
+    return NULL;
+  Signals s = {.runs = n[1], .dgus = n[2], .start = n[4]};
+  Arrays arrays = {.held = 0};
+  const size_t real = sizeof(double), whole = sizeof(int64_t);
+  int64_t each = n[0] == LOADS ? DRAWN : n[0] == NOISE ? 3 * DRAWN : 3;
+  s.seeds = take(&arrays, given, 0, s.runs, whole, 0);
+  s.names = take(&arrays, given, 1, s.dgus, whole, 0);
+  s.first = take(&arrays, given, 2, s.dgus + 1, whole, 0);
+  s.items = take(&arrays, given, 3, 3 * n[3], whole, 0);
+  s.numbers = take(&arrays, given, 4, 2 * n[3], real, 0);
+  s.fixed = take(&arrays, given, 5, DRAWN * n[3], real, 0);
+  const double *scale = take(&arrays, given, 6, 3, real, 0);
+  s.out = take(&arrays, given, 7, each * s.runs * s.dgus, real, PyBUF_WRITABLE);
+  if (!PyErr_Occurred() && (s.start < 0 || s.start % DRAWN)) PyErr_SetString(PyExc_ValueError, "not a block of signals");
+  if (!PyErr_Occurred()) {
+    Py_BEGIN_ALLOW_THREADS
+    if (n[0] == LOADS) draw_loads(&s);
+    if (n[0] == NOISE) draw_noise(&s, n[5], n[6], scale);
+    if (n[0] == SPREAD) draw_spread(&s, n[6]);
+    Py_END_ALLOW_THREADS
+  }
+  return done(&arrays, 0);
+}
+
 static PyMethodDef METHODS[] = {
     {"instruction_sets", instruction_sets, METH_NOARGS, "Names of the instruction sets that run here, widest first."},
     {"advance", advance, METH_VARARGS, "Take steps of all DGUs of all runs: dgu_sim/compiled.py."},
     {"watch", watch, METH_VARARGS, "Take steps of monitors of many links: bags/watch/compiled_monitors.py."},
+    {"draw", draw, METH_VARARGS, "Draw loads, noise or spreads of all DGUs of many runs: dgu_sim/compiled_signals.py."},
     {NULL, NULL, 0, NULL},
 };
 
