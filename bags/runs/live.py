@@ -1,16 +1,20 @@
 """A run without ROS that goes on as long as it is asked to, that somebody attacks by hand, and that can be forked."""
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
 
 from bags.runs.following import Followed, watched
 from bags.watch.designs import RunDesigns
 from bags.watch.histories import recorded_states
 from bags.watch.watcher import Watcher
 from dgu_sim.grid import Link
+from dgu_sim.linear import FloatArray
 from dgu_sim.relay import RelayEvent
 from dgu_sim.scenario import Scenario
-from dgu_sim.simulate import Loop, LoopState, RunEvent, loop_of
+from dgu_sim.simulate import Loop, LoopState, Respond, RunEvent, loop_of
 
 
 @dataclass(slots=True, kw_only=True)
@@ -23,6 +27,7 @@ class LiveRun:
         scenario: What runs.
         designs: What its monitors run.
         state: Where it is.
+        cut: Positions of the links that secondary control leaves out, whatever the monitors say.
     """
 
     scenario: Scenario
@@ -31,6 +36,7 @@ class LiveRun:
     _loop: Loop
     _watch: Watcher
     _told: list[RelayEvent] = field(default_factory=list)
+    cut: set[int] = field(default_factory=set)
 
     @classmethod
     def of(cls, scenario: Scenario, designs: RunDesigns) -> "LiveRun":
@@ -46,11 +52,12 @@ class LiveRun:
 
     def advance(self, steps: int) -> Followed:
         """Make so many steps, at least one."""
-        respond = self._watch if self.designs.settings.response is not None else None
-        self.state, block = self._loop.run(self.state, steps, respond)
+        respond: Respond | None = self._watch if self.designs.settings.response is not None else None
+        told = respond if not self.cut else _Leaving(respond, tuple(sorted(self.cut)))
+        self.state, block = self._loop.run(self.state, steps, told)
         if self._told:
-            told = tuple(RunEvent(run=0, event=one) for one in self._told)
-            block, self._told = replace(block, events=(*told, *block.events)), []
+            begun = tuple(RunEvent(run=0, event=one) for one in self._told)
+            block, self._told = replace(block, events=(*begun, *block.events)), []
         return watched(self._watch, block) if respond is None else Followed(block, *self._watch.take())
 
     def check(self, link: Link, kind: str, parameters: Mapping[str, object], duration_sec: float = 0.0) -> None:
@@ -90,8 +97,30 @@ class LiveRun:
 
     def fork(self) -> "LiveRun":
         """The same run from here on, with a future of its own."""
-        return replace(self, _watch=self._watch.fork(), _told=list(self._told))
+        return replace(self, _watch=self._watch.fork(), _told=list(self._told), cut=set(self.cut))
 
     def _take(self, state: LoopState, events: tuple[RelayEvent, ...]) -> None:
         self.state = state
         self._told += events
+
+
+@dataclass(frozen=True, slots=True)
+class _Leaving:
+    """A response, if there is one, and links that are left out besides."""
+
+    inner: Respond | None
+    cut: tuple[int, ...]
+
+    def __call__(
+        self,
+        sent: FloatArray,
+        reference: FloatArray,
+        received: FloatArray,
+        delivered: NDArray[np.bool_],
+        spoofed: Sequence[int] = (),
+    ) -> NDArray[np.bool_]:
+        dropped = np.zeros(delivered.shape, dtype=np.bool_)
+        if self.inner is not None:
+            dropped |= self.inner(sent, reference, received, delivered, spoofed)
+        dropped[:, self.cut] = True
+        return dropped

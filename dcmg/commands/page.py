@@ -14,6 +14,22 @@ from dcmg.joined import joined
 if TYPE_CHECKING:
     from dcmg.page.source import Source
 
+Challenged = Annotated[
+    str | None,
+    typer.Option(
+        "--challenge",
+        metavar="NAME",
+        help="play warm_up, unheard or duel, or one of your own (a file): docs/page.md",
+        show_default=False,
+    ),
+]
+Player = Annotated[
+    str | None, typer.Option(help="with --challenge: whose score it is; default: your login", show_default=False)
+]
+Scores = Annotated[
+    Path | None,
+    typer.Option(help="with --challenge: file of scores; default: dcmg/scores.jsonl of your data", show_default=False),
+]
 Shown = Annotated[
     str | None,
     typer.Argument(
@@ -40,6 +56,9 @@ def page(
     *,
     attach: Attach = False,
     domain: Domain = None,
+    challenge: Challenged = None,
+    player: Player = None,
+    scores: Scores = None,
     port: Port = 0,
     host: Host = "127.0.0.1",
     browser: Browser = True,
@@ -57,6 +76,7 @@ def page(
     `dcmg page gallo_six_dgu` simulates at the pace of the wall clock, without ROS, until Ctrl-C (or --duration).
     `dcmg page out/demo/bag` shows a recorded run: scrub, play at any speed.
     `dcmg page --attach` (or `dcmg run … --page`) shows the run of `dcmg run`, whose attacker it calls.
+    `dcmg page --challenge unheard` is a game: do harm without an alarm.
     The first line on standard output is the address. Needs `pip install 'dcmg[page]'`.
     """
     check_installed()
@@ -65,8 +85,15 @@ def page(
             raise CommandError(f"{shown}: expected no scenario together with --attach, the run has one")
         joined("page.attach", "dcmg page --attach")(domain, host, port, browser=browser)
         return
+    if challenge is not None:
+        if shown is not None:
+            raise CommandError(f"{shown}: expected no scenario together with --challenge, which has one")
+        _play(challenge, player, scores, host, port, browser=browser)
+        return
     if shown is None:
-        raise CommandError("expected a scenario, a bag or --attach (see `dcmg page --help`, `dcmg scenarios`)")
+        raise CommandError(
+            "expected a scenario, a bag, --challenge or --attach (see `dcmg page --help`, `dcmg scenarios`)"
+        )
     if domain is not None:
         raise CommandError(f"--domain {domain}: expected only together with --attach")
     from dcmg.page.pace import Pace  # noqa: PLC0415 (heavy)
@@ -77,6 +104,32 @@ def page(
     )
     source = _bag(chosen, designs) if Path(shown).is_dir() else _simulation(chosen, designs)
     serve(Pace(source, rate, running=not paused), host, port, browser=browser)
+
+
+def _play(name: str, player: str | None, scores: Path | None, host: str, port: int, *, browser: bool) -> None:
+    from getpass import getuser  # noqa: PLC0415 (only here)
+
+    from bags.watch.designs import design_scenario  # noqa: PLC0415 (heavy)
+    from bags.watch.scenarios import load_scenario  # noqa: PLC0415 (heavy)
+    from dcmg.page.challenge import load_challenge  # noqa: PLC0415 (heavy)
+    from dcmg.page.contest import Contest  # noqa: PLC0415 (heavy)
+    from dcmg.page.pace import Pace  # noqa: PLC0415 (heavy)
+    from dcmg.page.scores import scores_path  # noqa: PLC0415 (heavy)
+    from dcmg.page.serving import serve  # noqa: PLC0415 (heavy)
+    from dcmg.page.simulated import Simulated  # noqa: PLC0415 (heavy)
+    from dcmg.shipped import scenario_path  # noqa: PLC0415 (heavy)
+
+    challenge = load_challenge(name)
+    scenario = load_scenario(scenario_path(challenge.scenario), list(challenge.changes))
+    designs = design_scenario(scenario)
+    contest = Contest(
+        challenge,
+        Path(name).stem,
+        player or getuser(),
+        lambda: Simulated(scenario, designs, None),
+        scores or scores_path(),
+    )
+    serve(Pace(contest), host, port, browser=browser)
 
 
 def check_installed() -> None:

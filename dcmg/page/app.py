@@ -14,11 +14,26 @@ from starlette.responses import JSONResponse, Response
 from starlette.routing import Route, WebSocketRoute
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from dcmg.page.contest import Contest
 from dcmg.page.foresight import Foresight
 from dcmg.page.guard import Guard, Keys
-from dcmg.page.messages import Attack, Bye, Clock, Hello, Reply, Seek, View, WhatIf, parse_client, schema
+from dcmg.page.messages import (
+    Again,
+    Attack,
+    Bye,
+    Clock,
+    Cut,
+    Hello,
+    Outline,
+    Reply,
+    Seek,
+    View,
+    WhatIf,
+    parse_client,
+    schema,
+)
 from dcmg.page.source import Driver, RefusalError
-from dcmg.page.viewer import Viewer
+from dcmg.page.viewer import Role, Viewer
 
 FRAMES_A_SECOND = 20
 BROWSERS = 16
@@ -42,6 +57,7 @@ class Page:
         self.app = Starlette(
             routes=[
                 Route("/", self._index),
+                Route("/defender", self._index),
                 Route("/schema.json", self._schema),
                 Route("/static/{name:path}", self._file),
                 WebSocketRoute("/live", self._live),
@@ -49,9 +65,10 @@ class Page:
             middleware=[Middleware(Guard, keys=keys)],
         )
 
-    async def _index(self, _: Request) -> Response:
+    async def _index(self, request: Request) -> Response:
+        secret = self._keys.defender if request.url.path == "/defender" else self._keys.secret
         text = files("dcmg.page").joinpath("static/index.html").read_text(encoding="utf-8")
-        return Response(text.replace("{{secret}}", self._keys.secret), media_type="text/html")
+        return Response(text.replace("{{secret}}", secret), media_type="text/html")
 
     async def _schema(self, _: Request) -> Response:
         return JSONResponse(schema())
@@ -75,15 +92,16 @@ class Page:
         sending: asyncio.Task[None] | None = None
         try:
             hello = parse_client(await asyncio.wait_for(socket.receive_text(), _HELLO_SEC))
-            if not isinstance(hello, Hello) or not secrets.compare_digest(hello.secret, self._keys.secret):
+            role = self._role(hello.secret) if isinstance(hello, Hello) else None
+            if role is None or not isinstance(hello, Hello):
                 await _bye(socket, "this page is of another run: load it anew")
                 return
-            viewer = Viewer(self._pace)
+            viewer = Viewer(self._pace, role)
             viewer.look(hello.view)
-            await _send(socket, self._pace.source.outline)
+            await _send(socket, self._outline(role))
             sending = asyncio.create_task(self._show(socket, viewer))
             while True:
-                await self._take(socket, viewer, await socket.receive_text())
+                await self._take(socket, viewer, role, await socket.receive_text())
         except (WebSocketDisconnect, TimeoutError, RuntimeError, KeyError):
             pass  # it is gone, or never said a word
         except ValidationError as error:
@@ -94,14 +112,31 @@ class Page:
             if sending is not None:
                 sending.cancel()
 
-    async def _take(self, socket: WebSocket, viewer: Viewer, text: str) -> None:
+    def _role(self, secret: str) -> Role | None:
+        """Who knows this secret."""
+        roles: dict[Role, str] = {"attacker": self._keys.secret, "defender": self._keys.defender}
+        return next(
+            (role for role, one in roles.items() if secrets.compare_digest(secret.encode(), one.encode())), None
+        )
+
+    def _outline(self, role: Role) -> Outline:
+        """What somebody may do: a defender of a challenge leaves links out, and attacks nothing."""
+        found = self._pace.source.outline
+        if role == "attacker":
+            return found
+        can = ["cut"] if found.challenge is not None else []
+        return found.model_copy(update={"can": can, "attacks": []})
+
+    async def _take(self, socket: WebSocket, viewer: Viewer, role: Role, text: str) -> None:
         message = parse_client(text)
         if isinstance(message, View):
             viewer.look(message)
         elif isinstance(message, Hello):
             pass
-        elif isinstance(message, WhatIf):
+        elif isinstance(message, WhatIf) and role == "attacker":
             await _send(socket, await asyncio.to_thread(self._foresee, message))
+        elif role == "defender" and not isinstance(message, Cut):
+            await _send(socket, Reply(id=message.id, ok=False, text="not the defender's"))
         else:
             ok, said = await asyncio.to_thread(self._do, message)
             await _send(socket, Reply(id=message.id, ok=ok, text=said))
@@ -116,7 +151,7 @@ class Page:
             except RefusalError as error:
                 return Reply(id=asked.id, ok=False, text=str(error))
 
-    def _do(self, message: Clock | Seek | Attack) -> tuple[bool, str]:
+    def _do(self, message: Clock | Seek | Attack | WhatIf | Cut | Again) -> tuple[bool, str]:
         pace = self._pace
         with pace.lock:
             try:
@@ -126,11 +161,22 @@ class Page:
                     pace.source.seek(message.step)
                     pace.touch()
                     return True, f"at step {pace.source.head}"
-                said = pace.source.attack(message)
+                said = self._play(message) if isinstance(message, Cut | Again | WhatIf) else pace.source.attack(message)
             except RefusalError as error:
                 return False, str(error)
             pace.version += 1
             return True, said
+
+    def _play(self, message: Cut | Again | WhatIf) -> str:
+        """What belongs to a challenge."""
+        contest = self._pace.source
+        if not isinstance(contest, Contest) or isinstance(message, WhatIf):
+            raise RefusalError(f"{message.kind}: only in a challenge")
+        if isinstance(message, Cut):
+            return contest.cut(message.link, on=message.on)
+        contest.again()
+        self._pace.touch()
+        return "another game"
 
     async def _show(self, socket: WebSocket, viewer: Viewer) -> None:
         """Send frames, the next one only when the one before has left: a slow browser slows nobody else."""

@@ -36,10 +36,12 @@ class Keys:
     Attributes:
         token: What the address must hold; None: whoever is on this machine may look.
         secret: What the first message must hold: it stands in the page itself, which no other site can read.
+        defender: The same of the page of a challenge's defender.
     """
 
     token: str | None
     secret: str = field(default_factory=lambda: secrets.token_urlsafe(24))
+    defender: str = field(default_factory=lambda: secrets.token_urlsafe(24))
 
     @classmethod
     def for_host(cls, host: str) -> "Keys":

@@ -87,6 +87,20 @@ class Attack(_Command):
     anyway: bool = False
 
 
+class Cut(_Command):
+    """A defender's: let secondary control leave a link out, or take it in again."""
+
+    kind: Literal["cut"] = "cut"
+    link: Word
+    on: bool
+
+
+class Again(_Command):
+    """Play the challenge again."""
+
+    kind: Literal["again"] = "again"
+
+
 class WhatIf(_Command):
     """Play an attack ahead from the moment that is shown; nothing of what is shown changes.
 
@@ -102,7 +116,9 @@ class WhatIf(_Command):
     horizon_sec: Annotated[Number, Field(gt=0, le=120)] = 10.0
 
 
-ClientMessage: TypeAlias = Annotated[Hello | View | Clock | Seek | Attack | WhatIf, Field(discriminator="kind")]
+ClientMessage: TypeAlias = Annotated[
+    Hello | View | Clock | Seek | Attack | WhatIf | Cut | Again, Field(discriminator="kind")
+]
 
 
 # from the server
@@ -161,7 +177,8 @@ class Outline(_Message):
         end_step: Its length in steps; None: it goes on.
         outputs: Names of what residuals are of, with units.
         bag: Where it is recorded, None: nowhere.
-        can: What can be done to it: clock, seek, attack, whatif.
+        can: What can be done to it: clock, seek, attack, whatif, cut.
+        challenge: The goal, if this is a game.
     """
 
     kind: Literal["outline"] = "outline"
@@ -173,6 +190,7 @@ class Outline(_Message):
     outputs: list[str]
     bag: str | None
     can: list[str]
+    challenge: str | None
     dgus: list[Dgu]
     lines: list[Line]
     links: list[LinkFacts]
@@ -183,11 +201,11 @@ class LinkState(_Message):
     """A link at a moment: what its monitor says, and whether it is attacked.
 
     Attributes:
-        state: refused, settling, calibrating, quiet, suspicious or alarm.
+        state: What the monitor says; hidden from an attacker who does not see it.
         score: The largest |r_i| / threshold_i.
     """
 
-    state: Literal["refused", "settling", "calibrating", "quiet", "suspicious", "alarm"]
+    state: Literal["refused", "settling", "calibrating", "quiet", "suspicious", "alarm", "hidden"]
     attacked: bool
     score: float | None
 
@@ -253,6 +271,26 @@ class LinkDetail(_Message):
     threshold: Values
 
 
+class Game(_Message):
+    """How a challenge stands.
+
+    Attributes:
+        why: In words.
+        share: Of the goal.
+        best: The best scores, once the game is over.
+        cut: Links that are left out.
+    """
+
+    verdict: Literal["ready", "running", "won", "lost"]
+    why: str
+    moved_v: float
+    share: float
+    left_sec: float
+    score: int
+    best: list[str]
+    cut: list[str]
+
+
 class Frame(_Message):
     """What there is to be drawn; nothing of it is lost when a browser is slow: it gets fewer and larger ones."""
 
@@ -268,6 +306,7 @@ class Frame(_Message):
     series: list[Series]
     log: list[Entry]
     log_anew: bool
+    game: Game | None
 
 
 class Reply(_Message):

@@ -82,6 +82,7 @@ def outline(
             "outputs": outputs_named(outputs),
             "bag": bag,
             "can": can,
+            "challenge": None,
             "dgus": units,
             "lines": lines,
             "links": links,

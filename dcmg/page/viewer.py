@@ -1,9 +1,12 @@
 """What one browser has been sent, and so what it is to be sent next."""
 
+from typing import Literal
+
 import numpy as np
 
 from dcmg.page.board import Board, number, numbers
-from dcmg.page.messages import Frame, LinkDetail, Series, View
+from dcmg.page.contest import Contest
+from dcmg.page.messages import Frame, LinkDetail, LinkState, Series, View
 from dcmg.page.source import Driver
 from dcmg.page.trace import extremes
 from dgu_sim.linear import FloatArray
@@ -11,6 +14,8 @@ from dgu_sim.linear import FloatArray
 _LOG_AT_ONCE = 400
 _SIZES = (1, 2, 5)
 _DGU_PANELS = ("voltage", "current", "alpha")
+_MONITORS, _ATTACKERS = frozenset({"alarm", "quiet"}), frozenset({"attack", "over"})
+Role = Literal["attacker", "defender"]
 
 
 class Viewer:
@@ -20,15 +25,17 @@ class Viewer:
 
     Args:
         pace: The clock and what it drives.
+        role: Who looks, where a challenge hides things.
     """
 
-    def __init__(self, pace: Driver) -> None:
+    def __init__(self, pace: Driver, role: Role = "attacker") -> None:
         """Nothing has been sent."""
-        self._pace = pace
+        self._pace, self._role = pace, role
         self._view: View | None = None
         self._sent: dict[str, int] = {}  # by panel: the bin behind the last one sent
         self._line = self._head = 0
         self._version = -1
+        self._round: object = 0
 
     def look(self, view: View) -> None:
         """Send what this view shows, from the beginning of its time axis."""
@@ -42,7 +49,11 @@ class Viewer:
             return None
         self._version = pace.version
         board, head = pace.source.board, pace.source.head
-        back = head < self._head
+        contest = pace.source if isinstance(pace.source, Contest) else None
+        round_ = 0 if contest is None else (contest.game_number, contest.over)
+        blind, watching = self._hidden(contest)
+        back = head < self._head or round_ != self._round
+        self._round = round_
         if back:
             self._sent.clear()
             self._line = 0
@@ -50,6 +61,9 @@ class Viewer:
         self._head = head
         log = board.said(self._line, head)[-_LOG_AT_ONCE:]
         self._line = log[-1].number if log else self._line
+        if blind or watching:
+            unseen = _MONITORS if blind else _ATTACKERS
+            log = [one for one in log if one.what not in unseen]
         row = board.trace.at(head - 1)
         voltage, current, alpha = (row[board.channels.dgu(name)] for name in _DGU_PANELS)
         return Frame(
@@ -58,13 +72,24 @@ class Viewer:
             current=numbers(current),
             alpha=numbers(alpha),
             mean_voltage=number(float(np.mean(voltage))) if len(voltage) else None,
-            links=board.states(head),
-            attacks=board.attacks(head),
-            details=[_detail(board, row, name) for name in view.panels if name in _names(board)],
-            series=[one for panel in view.panels if (one := self._series(board, panel, view, head))],
+            links=[_seen(one, blind=blind, watching=watching) for one in board.states(head)],
+            attacks=[] if watching else board.attacks(head),
+            details=[_detail(board, row, name) for name in view.panels if name in _names(board) and not blind],
+            series=[
+                one
+                for panel in view.panels
+                if (panel in _DGU_PANELS or not blind) and (one := self._series(board, panel, view, head))
+            ],
             log=log,
             log_anew=anew,
+            game=None if contest is None else contest.game(),
         )
+
+    def _hidden(self, contest: Contest | None) -> tuple[bool, bool]:
+        """Whether what monitors see is hidden, and what attackers do."""
+        if contest is None or contest.over:
+            return False, False
+        return contest.challenge.blind and self._role == "attacker", self._role == "defender"
 
     def _series(self, board: Board, panel: str, view: View, head: int) -> Series | None:
         size = _bin_steps(view.span_sec / board.sampling_period_sec / view.pixels)
@@ -91,6 +116,13 @@ class Viewer:
             low=[numbers(one) for one in low],
             high=None if size == 1 else [numbers(one) for one in high],
         )
+
+
+def _seen(state: LinkState, *, blind: bool, watching: bool) -> LinkState:
+    """A link as somebody sees it who does not see everything."""
+    if blind:
+        return LinkState(state="hidden", attacked=state.attacked, score=None)
+    return state.model_copy(update={"attacked": False}) if watching else state
 
 
 def _bin_steps(wanted: float) -> int:

@@ -4,7 +4,7 @@ import { arrow, fixed, make } from "./looks.js";
 const SIZE = 440;
 const BEND = 0.16;
 const WORDS = {
-  refused: "not monitored", settling: "settling", calibrating: "learning", quiet: "quiet", suspicious: "suspicious", alarm: "alarm",
+  refused: "not monitored", settling: "settling", calibrating: "learning", quiet: "quiet", suspicious: "suspicious", alarm: "alarm", hidden: "what its monitor says is hidden",
 };
 
 export const stateWords = (state) => `${WORDS[state.state]}${state.attacked ? ", attacked" : ""}`;
@@ -68,12 +68,17 @@ export class Graph {
     );
   }
 
+  /** Links that secondary control leaves out are crossed. */
+  leave(names, outline) {
+    outline.links.forEach((one, at) => this.links[at].classList.toggle("left-out", names.includes(one.name)));
+  }
+
   show(outline, frame, chosen) {
     frame.links.forEach((state, at) => {
       const element = this.links[at];
       const name = outline.links[at].name;
       const classes = `link ${state.state}${state.attacked ? " attacked" : ""}${name === chosen ? " chosen" : ""}`;
-      if (element.getAttribute("class") !== classes) {
+      if (element.getAttribute("class").replace(" left-out", "") !== classes) {
         element.setAttribute("class", classes);
         element.setAttribute("aria-pressed", String(name === chosen));
         element.setAttribute("aria-label", `Link ${arrow(name)}: ${stateWords(state)}`);

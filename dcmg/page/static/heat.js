@@ -1,7 +1,7 @@
 // Residual over threshold of every link: a row a link, a column some steps.
 import { arrow, colour, figure, make, onScheme } from "./looks.js";
 
-const MARKS = { alarm: "▲", suspicious: "△", refused: "·", calibrating: "~", settling: "~", quiet: "" };
+const MARKS = { alarm: "▲", suspicious: "△", refused: "·", calibrating: "~", settling: "~", quiet: "", hidden: "" };
 
 export class Heat {
   constructor(canvas, rows, ramp, chosen) {

@@ -67,6 +67,8 @@ function begin(outline) {
   at("name").textContent = outline.name;
   at("source").textContent = SOURCES[outline.source];
   at("about").textContent = outline.about;
+  at("cut-row").hidden = !outline.can.includes("cut");
+  for (const id of ["play", "step", "rate"]) at(id).disabled = !outline.can.includes("clock");
   at("scrub-row").hidden = !outline.can.includes("seek");
   at("scrub").max = String(outline.end_step ?? 1);
   if (first) {
@@ -150,6 +152,9 @@ function draw() {
   }
   residual.draw(from, to);
   clock(frame, now);
+  game(frame);
+  const blind = frame.links.some((one) => one.state === "hidden");
+  at("residual-box").hidden = at("heat-box").hidden = blind;
   linkPanel(outline, frame, chosen);
 }
 
@@ -173,6 +178,30 @@ function setRate(rate) {
   if (![...select.options].some((one) => one.value === value)) select.append(make("option", { value }, `${rate} ×`));
   select.value = value;
 }
+
+/** How a challenge stands. */
+function game(frame) {
+  const found = frame.game;
+  at("game").hidden = !found;
+  if (!found) return;
+  const told = { ready: "Ready", running: "Running", won: "✓ Won", lost: "✕ Lost" };
+  at("goal").textContent = `${state.outline.name}: ${state.outline.challenge}`;
+  at("game-verdict").textContent = told[found.verdict];
+  at("game").dataset.verdict = found.verdict;
+  at("share").value = found.share;
+  at("moved").textContent = `moved ${fixed(found.moved_v, 3)} V`;
+  at("left").textContent = `${fixed(found.left_sec, 1)} s left`;
+  at("score").textContent = `${found.score} points`;
+  at("game-why").textContent = found.why;
+  at("again").hidden = !state.outline.can.includes("attack");
+  if (at("best").children.length !== found.best.length) at("best").replaceChildren(...found.best.map((one) => make("li", {}, one)));
+  const left = found.cut.includes(state.chosen);
+  at("cut").textContent = left ? "Take this link in again" : "Leave this link out";
+  at("cut").setAttribute("aria-pressed", String(left));
+  graph.leave(found.cut, state.outline);
+}
+
+const cut = () => command({ kind: "cut", link: state.chosen, on: at("cut").getAttribute("aria-pressed") !== "true" });
 
 /** Draw a forecast beside the truth until it is over, or forgotten. */
 function foreseen(forecast) {
@@ -275,6 +304,8 @@ at("span").addEventListener("change", () => {
   wire.look(view());
 });
 at("scrub").addEventListener("input", () => scrubTo(Number(at("scrub").value)));
+at("again").addEventListener("click", () => command({ kind: "again" }));
+at("cut").addEventListener("click", cut);
 at("help").addEventListener("click", () => at("keys").showModal());
 
 function neighbour(by) {
@@ -294,6 +325,7 @@ const KEYS = {
   k: () => neighbour(-1),
   a: () => at("kind").focus(),
   s: () => form.order("stop"),
+  x: () => state.outline.can.includes("cut") && cut(),
   f: () => state.outline.can.includes("whatif") && form.ahead(false),
   "?": () => at("keys").showModal(),
   ArrowLeft: () => state.outline.can.includes("seek") && seek(state.frame.time.step - 1 / state.outline.sampling_period_sec),

@@ -226,6 +226,35 @@ def test_a_moment_of_a_recorded_run_is_forked(
         expect(page.locator("#foreseen")).to_be_hidden()
 
 
+def test_a_duel_in_two_browsers(
+    serving: Callable[..., AbstractContextManager[str]], look: Callable[[str], Page], tmp_path: Path
+) -> None:
+    """The attacker sees no monitor, the defender no attack but its alarm, and leaves the link out."""
+    with serving("--challenge", "duel", "--player", "ada", "--scores", str(tmp_path / "scores")) as address:
+        attacker, defender = look(address), look(f"{address}defender")
+        for page in (attacker, defender):
+            expect(page.locator("#goal")).to_contain_text("move the mean voltage by 0.5 V")
+        expect(attacker.locator("#heat-box")).to_be_hidden()
+        expect(defender.locator("#attack")).to_be_hidden()
+        attacker.locator('[data-link="1-2"]').focus()
+        attacker.keyboard.press("Enter")
+        attacker.locator('#parameters input[name="bias"]').fill("0 3 0")
+        _command(attacker, "Start")
+        expect(attacker.locator("#game-verdict")).to_have_text("Running")
+        expect(attacker.locator(".link.hidden.attacked")).to_have_count(1)
+        expect(defender.locator('[data-link="1-2"]')).to_have_class(re.compile("alarm"))
+        expect(defender.locator(".link.attacked")).to_have_count(0)
+        defender.locator('[data-link="1-2"]').focus()
+        defender.keyboard.press("Enter")
+        defender.keyboard.press("x")
+        for page in (attacker, defender):
+            expect(page.locator('[data-link="1-2"]')).to_have_class(re.compile("left-out"))
+        attacker.screenshot(path=tmp_path / "duel-attacker.png")
+        defender.screenshot(path=tmp_path / "duel-defender.png")
+        attacker.get_by_role("button", name="Play again").click()
+        expect(attacker.locator("#game-verdict")).to_have_text("Ready")
+
+
 def test_a_run_that_ends_is_told_and_comes_back(
     serving: Callable[..., AbstractContextManager[str]], browser: Browser
 ) -> None:

@@ -17,6 +17,8 @@ EXAMPLES = [
     {"kind": "seek", "id": 2, "step": 5},
     {"kind": "attack", "id": 3, "action": "check", "links": ["1-2"], "attack": "freeze"},
     {"kind": "whatif", "id": 4, "links": ["1-2"], "attack": "freeze", "horizon_sec": 5},
+    {"kind": "cut", "id": 5, "link": "1-2", "on": True},
+    {"kind": "again", "id": 6},
 ]
 
 
