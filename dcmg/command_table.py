@@ -48,6 +48,7 @@ COMMANDS: Sequence[Command | Group] = (
     ),
     _ros("attach", "Open a shell in which ROS programs find the running system.", _RUN),
     _ros("node", "Start single nodes of a run: what `dcmg run` supervises, by hand, on this or another host.", _RUN),
+    _ros("host", "Wait on this machine for `dcmg run --hosts` of another, and run nodes for it.", _RUN),
     _here("study", "Run seeds x attacks x observers x detectors offline, and compare them.", _RUN),
     _here("report", "Measure a run: detection, false alarms, ROC, isolation, impact, with intervals.", _LOOK),
     _here("explain", "Say why there was, or was no, alarm on a link at a moment.", _LOOK),

@@ -25,6 +25,7 @@ setup(
         "dcmg.commands": [
             f"run = {PACKAGE}.run_command:run",
             f"node = {PACKAGE}.node_command:node",
+            f"host = {PACKAGE}.host_command:host",
             f"attach = {PACKAGE}.attach_command:attach_app",
             f"attack.start = {PACKAGE}.attack_commands:start_app",
             f"attack.stop = {PACKAGE}.attack_commands:stop",

@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING
 from dcmg.errors import CommandError
 
 if TYPE_CHECKING:
-    from collections.abc import Iterator
+    from collections.abc import Collection, Iterator
 
 # Above 101 the UDP ports of a domain run into Linux's ephemeral range; 0 is everybody's default.
 DOMAINS = range(1, 102)
@@ -76,23 +76,42 @@ def checked_domain(domain: int | None) -> int | None:
 
 
 @contextmanager
-def inner_domain(public: int) -> Iterator[int]:
+def inner_domain(public: int, elsewhere: Collection[int] = ()) -> Iterator[int]:
     """Hold a ROS domain id for the nodes of one run alone, for the time of the `with` block.
 
     It is held by a socket that the kernel knows by its name alone: every user and every run of this machine sees it.
 
     Args:
         public: where outsiders join the run; not this one.
+        elsewhere: those that are taken on other hosts of the run.
 
     Raises:
         DomainError: none is free.
     """
     for domain in (*_INNER_DOMAINS, *reversed(DOMAINS)):
         with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as holder:
-            if domain != public and _try_hold(holder, domain) and _ports_are_free(domain):
+            if domain != public and domain not in elsewhere and _try_hold(holder, domain) and _ports_are_free(domain):
                 yield domain
                 return
     raise DomainError("no ROS domain id is free for the nodes of another run on this machine: wait for one to end")
+
+
+@contextmanager
+def hold_inner_domain(domain: int) -> Iterator[None]:
+    """Hold this ROS domain id for the nodes that a run of another host has here, for the time of the `with` block.
+
+    Raises:
+        DomainError: it is taken.
+    """
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as holder:
+        if not _try_hold(holder, domain):
+            raise DomainError(f"ROS domain id {domain} is taken by another run on that machine: start again")
+        yield
+
+
+def taken_inner_domains() -> list[int]:
+    """Return the ROS domain ids that runs on this machine, or other programs, have for their nodes."""
+    return [domain for domain in _INNER_DOMAINS if _is_inner(domain) or not _ports_are_free(domain)]
 
 
 def _try_hold(holder: socket.socket, domain: int) -> bool:

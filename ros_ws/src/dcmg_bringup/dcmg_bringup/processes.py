@@ -60,10 +60,14 @@ class Death:
     Attributes:
         process: name of the process.
         reason: signal name or exit code, and the last line it wrote.
+        kind: what it is.
+        how: what became of it.
     """
 
     process: str
     reason: str
+    kind: str = "node"
+    how: str = "ended"
 
 
 class ProcessGroup:
@@ -192,6 +196,10 @@ class ProcessGroup:
         if self._reaper is not None:
             self._reaper.dismiss()
             self._reaper = None
+
+    def where(self, node: str) -> str:  # noqa: ARG002 - another group knows other hosts
+        """Say on which other host a node is: on none."""
+        return ""
 
     def _reason(self, name: str, code: int) -> str:
         log = self._log_dir / f"{name}.log"

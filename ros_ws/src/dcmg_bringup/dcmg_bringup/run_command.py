@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 from contextlib import closing
+from pathlib import Path  # noqa: TC003 (typer reads the annotations)
 from typing import TYPE_CHECKING, Annotated
 
 import typer
@@ -18,7 +19,6 @@ from dcmg_nodes.options import PacingMode
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
-    from pathlib import Path
 
     from bags.mcap.recording import Recording
     from dcmg_bringup.run_job import RunOptions, RunOutcome
@@ -60,6 +60,12 @@ def run(
     domain: Annotated[
         int | None, typer.Option(help="ROS domain id; default: ROS_DOMAIN_ID, else a free one", show_default=False)
     ] = None,
+    hosts: Annotated[
+        Path | None,
+        typer.Option(
+            metavar="FILE", help="several machines: which node runs where (docs/hosts.md)", show_default=False
+        ),
+    ] = None,
     bag_compression: recorded.BagCompression = recorded.CompressionName.ZSTD,
     bag_chunks: recorded.BagChunks = ChunkPreset.SAFE,
     bag_split_mb: recorded.BagSplitMb = None,
@@ -95,6 +101,7 @@ def run(
     if page:
         check_installed()
     from dcmg_bringup.domain import checked_domain  # noqa: PLC0415 (not for the help)
+    from dcmg_bringup.hosts.hosts_file import load_hosts  # noqa: PLC0415 (heavy)
     from dcmg_bringup.run_job import RunOptions  # noqa: PLC0415 (heavy)
 
     how = RunOptions(
@@ -105,6 +112,8 @@ def run(
         recording=recording,
         designs=designs,
         page=page,
+        hosts=None if hosts is None else load_hosts(hosts),
+        hosts_source=str(hosts),
     )
     code = _run(chosen, how, json=json, plots=plots)
     for number in (signal.SIGTERM, signal.SIGINT):

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from contextlib import nullcontext
-from dataclasses import dataclass, field
+from contextlib import ExitStack
+from dataclasses import dataclass, field, replace
 from typing import TYPE_CHECKING, Protocol
 
 from bags.mcap.container import open_container
@@ -12,6 +12,9 @@ from bags.mcap.errors import BagError
 from bags.mcap.recording import Recording
 from bags.mcap.repair import repair
 from dcmg_bringup.domain import choose_domain, inner_domain
+from dcmg_bringup.hosts.fleet import FleetGroup, fleet_of, write_designs
+from dcmg_bringup.hosts.hosts_file import HERE
+from dcmg_bringup.hosts.profile import LOOPBACK, write_profile
 from dcmg_bringup.interruptions import interruptions
 from dcmg_bringup.page_command import page_beside
 from dcmg_bringup.processes import ProcessGroup
@@ -28,6 +31,9 @@ if TYPE_CHECKING:
     from dcmg_msgs.msg import Alarm
 
     from dcmg.strangers import StrangeTopic
+    from dcmg_bringup.hosts.fleet import Fleet
+    from dcmg_bringup.hosts.hosts_file import HostsFile
+    from dcmg_bringup.watchdog import Group
     from dcmg_nodes.wiring import Wiring
     from dgu_sim.scenario import Scenario
 
@@ -35,6 +41,8 @@ _SPIN_SEC = 0.05
 _EXIT_GRACE_SEC = 5.0
 _PERIODS = 12  # longer than a recorder waits for a step, however slow the clock
 _ALL = "all"
+_PROFILE = "FASTRTPS_DEFAULT_PROFILES_FILE"
+DESIGNS = "designs"  # folder of the bag of designs that several hosts share
 
 
 class Display(Protocol):
@@ -62,6 +70,8 @@ class RunOptions:
         recording: how the bag is written.
         designs: bag with designs that the monitors take where they fit, None: they design everything.
         page: whether a page shows the run in a browser.
+        hosts: the other machines, None: all nodes run on this one.
+        hosts_source: the file that says so, for messages.
     """
 
     pacing: PacingMode = PacingMode.LOCKSTEP
@@ -71,6 +81,8 @@ class RunOptions:
     recording: Recording = field(default_factory=Recording)
     designs: Path | None = None
     page: bool = False
+    hosts: HostsFile | None = None
+    hosts_source: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -101,18 +113,21 @@ def run_job(scenario: Scenario, out: Path, options: RunOptions, display: Display
 
     Raises:
         DomainError: no ROS domain id is free.
+        HostsError: one of several hosts cannot take part.
     """
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "scenario.yaml").write_text(scenario.to_yaml())
-    with (
-        choose_domain(options.domain, scenario=scenario.name, out=str(out.resolve())) as domain,
-        inner_domain(public=domain) as inner,
-    ):
+    with ExitStack() as stack:
+        fleet = None
+        if options.hosts is not None:
+            fleet = stack.enter_context(fleet_of(options.hosts, scenario, options.hosts_source))
+        out.mkdir(parents=True, exist_ok=True)
+        (out / "scenario.yaml").write_text(scenario.to_yaml())
+        domain = stack.enter_context(choose_domain(options.domain, scenario=scenario.name, out=str(out.resolve())))
+        inner = stack.enter_context(inner_domain(domain, () if fleet is None else fleet.taken))
         os.environ.update(ros_environment(inner))
         display.say(f"other ROS programs join this run after: export ROS_DOMAIN_ID={domain}")
         wiring = wiring_of(scenario)
         wiring.warm_up()
-        nodes = {_ALL: wiring.nodes} if options.composed else {name: (name,) for name in wiring.nodes}
+        gate = GateOptions(inner=inner, public=domain, folder=out / STRANGERS)
         node_options = NodeOptions(
             out=out,
             pacing=options.pacing,
@@ -120,14 +135,35 @@ def run_job(scenario: Scenario, out: Path, options: RunOptions, display: Display
             recording=options.recording,
             designs=options.designs,
         )
-        gate = GateOptions(inner=inner, public=domain, folder=out / STRANGERS)
-        with interruptions() as told, page_beside(domain) if options.page else nullcontext():
-            group = ProcessGroup(nodes, scenario, node_options, out / "log", gate)
-            try:
-                watchdog = Watchdog(group, _silence_sec(scenario, node_options))
-                return _follow(wiring, group, watchdog, out=out, display=display, told=told)
-            finally:
-                group.stop()
+        if fleet is not None:
+            node_options = replace(node_options, designs=write_designs(scenario, options.designs, out / DESIGNS))
+            gate = _among_hosts(fleet, gate, out)
+            fleet.offer(scenario, node_options, inner, composed=options.composed)
+        here = wiring.nodes if fleet is None else fleet.here
+        nodes = {_ALL: here} if options.composed else {name: (name,) for name in here}
+        told = stack.enter_context(interruptions())
+        if options.page:
+            stack.enter_context(page_beside(domain))
+        local = ProcessGroup(nodes, scenario, node_options, out / "log", gate)
+        try:
+            group: Group = local if fleet is None else FleetGroup(local, fleet, out)
+            watchdog = Watchdog(group, _silence_sec(scenario, node_options))
+            outcome = _follow(wiring, group, watchdog, out=out, display=display, told=told)
+        finally:
+            local.stop()
+        if fleet is not None and options.pacing is PacingMode.REALTIME:
+            for line in fleet.offsets():
+                display.say(line)
+        return outcome
+
+
+def _among_hosts(fleet: Fleet, gate: GateOptions, out: Path) -> GateOptions:
+    """Write the Fast DDS profiles of this host of several; the gate alone uses the loopback interface, too."""
+    own = fleet.addresses[HERE]
+    os.environ[_PROFILE] = str(write_profile(out / "fastdds.xml", "fastdds.xml", [own], fleet.peers))
+    interfaces = list(dict.fromkeys((LOOPBACK, own)))
+    profile = write_profile(out / "fastdds_gate.xml", "gate.xml", interfaces, [LOOPBACK])
+    return replace(gate, profile=profile, peers=fleet.peers)
 
 
 def _silence_sec(scenario: Scenario, options: NodeOptions) -> float:
@@ -137,7 +173,7 @@ def _silence_sec(scenario: Scenario, options: NodeOptions) -> float:
 
 
 def _follow(
-    wiring: Wiring, group: ProcessGroup, watchdog: Watchdog, *, out: Path, display: Display, told: Sequence[int]
+    wiring: Wiring, group: Group, watchdog: Watchdog, *, out: Path, display: Display, told: Sequence[int]
 ) -> RunOutcome:
     from dcmg_nodes.view_node import ViewNode  # noqa: PLC0415 (needs the ROS environment of this run)
 
@@ -176,7 +212,7 @@ def _follow(
         failure = trouble.at(steps)
     elif stalled:
         waiting_for, topic = view.progress.waiting_for, view.progress.topic
-        failure = f"the run stalled: step {steps} waits for node {waiting_for} ({topic})"
+        failure = f"the run stalled: step {steps} waits for node {waiting_for}{group.where(waiting_for)} ({topic})"
     return RunOutcome(
         bag=bag,
         steps=steps,

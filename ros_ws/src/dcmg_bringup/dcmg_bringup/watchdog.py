@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 if TYPE_CHECKING:
-    from dcmg_bringup.processes import ProcessGroup
+    from dcmg_bringup.processes import Death
 
 _STOPPED_SEC = 3.0  # a process stopped for so long does not go on by itself
 _LEFT_SEC = 4.0  # what the news of the end may take after the first node has left, and after the last other news
@@ -31,6 +31,31 @@ class Trouble:
         return f"{self.subject} at step {step} ({self.detail})"
 
 
+class Group(Protocol):
+    """The processes of a run, on one host or several; `ProcessGroup` says what each of these does."""
+
+    def death(self) -> Death | None:
+        """Tell who ended with an error."""
+
+    def left(self) -> list[str]:
+        """Tell who ended well."""
+
+    def stopped(self) -> list[str]:
+        """Tell whom a signal has stopped."""
+
+    def has_ended(self) -> bool:
+        """Tell whether all have ended."""
+
+    def wait(self, timeout_sec: float) -> bool:
+        """Wait for all to end."""
+
+    def stop(self) -> None:
+        """End them."""
+
+    def where(self, node: str) -> str:
+        """Say on which other host a node is, as in " on host lab2"."""
+
+
 class Watchdog:
     """Looks at the processes of a run, and at how long nothing has been heard of it.
 
@@ -39,7 +64,7 @@ class Watchdog:
         silence_sec: how long no step may become complete [s], longer than the nodes themselves wait.
     """
 
-    def __init__(self, group: ProcessGroup, silence_sec: float) -> None:
+    def __init__(self, group: Group, silence_sec: float) -> None:
         """Start with everything in order."""
         self._group = group
         self._silence_sec = silence_sec
@@ -66,7 +91,7 @@ class Watchdog:
     def _ended(self, now: float) -> Trouble | None:
         death = self._group.death()
         if death is not None:
-            return Trouble(subject=f"node {death.process} ended", detail=death.reason)
+            return Trouble(subject=f"{death.kind} {death.process} {death.how}", detail=death.reason)
         left = self._group.left()
         if left:
             self._left = self._left or now

@@ -44,12 +44,14 @@ _INNER_NODE = "dcmg_gate"
 
 def run_gate(wiring: Wiring, options: GateOptions) -> None:
     """Keep the gate until the run ends."""
-    os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(resources.files("dcmg_nodes") / "gate.xml")
+    os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(options.profile or resources.files("dcmg_nodes") / "gate.xml")
     lifetime = Lifetime((GATE,))
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: lifetime.interrupt())
     with ExitStack() as stack:
+        os.environ["ROS_STATIC_PEERS"] = ";".join(options.peers)  # of this context alone
         inner = _node(_INNER_NODE, options.inner, stack)
+        os.environ["ROS_STATIC_PEERS"] = ""
         face_context = _context(options.public, stack)
         faces = {name: _node_in(name, face_context, stack) for name in wiring.nodes}
         ears = _node(EARS_NODE, options.public, stack)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import signal
 from contextlib import ExitStack
+from dataclasses import replace
 from functools import partial
 from typing import TYPE_CHECKING
 
@@ -57,6 +58,8 @@ def run_nodes(names: Sequence[str], scenario: Scenario, options: NodeOptions) ->
         NodeError: the scenario has no such node.
     """
     wiring = wiring_of(scenario)
+    if options.run:
+        wiring = replace(wiring, run=options.run)
     for name in names:
         if name not in wiring.nodes:
             raise NodeError(f"{name}: no such node; scenario {scenario.name} has {', '.join(wiring.nodes)}")

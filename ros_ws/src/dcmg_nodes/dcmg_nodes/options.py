@@ -45,6 +45,7 @@ class NodeOptions:
         recording: how the recorder writes its bag.
         designs: bag with designs that the monitors take where they fit, None: they design everything.
         alone: whether no supervisor looks after the processes, so that they look after each other.
+        run: which run it is, if its scenario names files that lie elsewhere here; empty: the scenario tells.
     """
 
     out: Path
@@ -56,6 +57,7 @@ class NodeOptions:
     recording: Recording = field(default_factory=Recording)
     designs: Path | None = None
     alone: bool = False
+    run: str = ""
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -66,8 +68,12 @@ class GateOptions:
         inner: ROS domain id of the nodes.
         public: ROS domain id of everybody else.
         folder: where to keep what strangers say.
+        profile: of Fast DDS, None: that of a run on one host.
+        peers: addresses of the other hosts.
     """
 
     inner: int
     public: int
     folder: Path
+    profile: Path | None = None
+    peers: tuple[str, ...] = ()
