@@ -4,7 +4,7 @@ The kernels know linear observers of every kind and order, missing samples and r
 detector; another detector steps in numpy on the residuals that they leave.
 """
 
-from typing import Any
+from typing import Any, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -17,7 +17,9 @@ from monitor.delayed import ConstantInput
 from monitor.detectors.fixed import FixedDetector, FixedState
 from monitor.link_monitor import LinkMonitor, MonitorState
 
-__all__ = ["knows", "run_compiled"]
+__all__ = ["judges_itself", "knows", "run_compiled"]
+
+_Numbers: TypeAlias = NDArray[np.float64] | None
 
 
 def knows(monitor: LinkMonitor, inputs: int) -> bool:
@@ -40,7 +42,7 @@ def run_compiled(
     state: MonitorState,
     positions: NDArray[np.intp],
     samples: tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.bool_]],
-    concluded: tuple[NDArray[Any], ...],
+    concluded: tuple[_Numbers, _Numbers, _Numbers, NDArray[np.uint8], NDArray[np.bool_]],
 ) -> MonitorState:
     """Take the samples of consecutive steps, and write what is concluded into the rows of all links.
 
@@ -50,6 +52,7 @@ def run_compiled(
         positions: Its links, shape (group,).
         samples: Known inputs (steps, links, m), outputs (steps, links, p) and whether they arrived (steps, links).
         concluded: Estimate (steps, links, n), residual and threshold (steps, links, p), phase and alarm (steps, links).
+            Numbers that are None are not wanted, which only a monitor that `judges_itself` can do without.
     """
     observer, given = _linear(monitor), monitor.observer
     assert observer is not None  # noqa: S101 - `knows` has seen to it
@@ -57,22 +60,24 @@ def run_compiled(
     u, y, delivered = samples
     estimate, residual, threshold, phase, alarm = concluded
     group, width, order = len(positions), y.shape[2], observer.start.shape[0]
+    period = observer.period or group
     whole_output = width == observer.outputs
     channels = np.arange(observer.outputs) if whole_output or not monitor.channels else np.array(monitor.channels)
-    fixed = monitor.detector if type(monitor.detector) is FixedDetector and not monitor.blind else None
+    fixed = _fixed(monitor)
     z = _spread(state.observer, order, group)
     learned = None if fixed is None else _arrays(state.detector, group)
     watch(
         chosen(),
         (
             *(*delivered.shape, group, order, observer.states, given.inputs, observer.outputs),
-            *(observer.inputs - given.inputs, u.shape[2], width, estimate.shape[2]),
+            *(observer.inputs - given.inputs, u.shape[2], width, 0 if estimate is None else estimate.shape[2]),
             *((0, 0) if fixed is None else (fixed.settle_steps, fixed.calibrate_steps)),
+            period,
         ),
         (
             positions.astype(np.int64),
             channels.astype(np.int64),
-            *map(np.ascontiguousarray, (observer.whole, observer.start)),
+            *(np.ascontiguousarray(one[..., :period]) for one in (observer.whole, observer.start)),
         ),
         (*map(np.ascontiguousarray, (u, y, delivered)), z),
         0.0 if fixed is None else fixed.margin,
@@ -83,11 +88,22 @@ def run_compiled(
         return MonitorState(z, state.detector)
     if learned is not None:
         return MonitorState(z, FixedState(*learned))
+    assert residual is not None  # noqa: S101 - the caller has seen to it
+    assert threshold is not None  # noqa: S101 - idem
     found = np.ascontiguousarray(residual[:, positions][..., channels].swapaxes(1, 2))
     following, verdict = judge(monitor.detector, state.detector, found)
     phase[:, positions], alarm[:, positions] = verdict.phase, verdict.alarm
     threshold[:, positions[:, None], channels] = np.asarray(verdict.threshold).swapaxes(1, 2)
     return MonitorState(z, following)
+
+
+def judges_itself(monitor: LinkMonitor) -> bool:
+    """Whether the kernels come to the verdict, too."""
+    return monitor.blind or _fixed(monitor) is not None
+
+
+def _fixed(monitor: LinkMonitor) -> FixedDetector | None:
+    return monitor.detector if type(monitor.detector) is FixedDetector and not monitor.blind else None
 
 
 def _linear(monitor: LinkMonitor) -> StackedObserver | None:

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from bags.watch.compiled_monitors import knows, run_compiled
+from bags.watch.compiled_monitors import judges_itself, knows, run_compiled
 from bags.watch.designs import RunDesigns, design_scenario
 from bags.watch.monitor_blocks import run_monitor
 from bags.watch.stacked_observer import StackedObserver
@@ -120,6 +120,24 @@ class RunMonitors:
         ]
         return tuple(following), arrays.lanes(lanes)
 
+    def verdicts(
+        self, states: Sequence[MonitorState], received: NDArray[np.float64], delivered: NDArray[np.bool_]
+    ) -> tuple[tuple[MonitorState, ...], NDArray[np.uint8], NDArray[np.bool_]]:
+        """Do as `run` for whoever wants phases and alarms alone, both of the shape of `delivered`."""
+        if not all(knows(one.monitor, 0) and judges_itself(one.monitor) for one in self.groups):
+            following, arrays = self.run(states, received, delivered)
+            return following, arrays.phase, arrays.alarm
+        shape = (len(delivered), prod(delivered.shape[1:]))
+        y, arrived = received.reshape(*shape, received.shape[-1]), delivered.reshape(shape)
+        phase = np.full(shape, Phase.REFUSED.value, dtype=np.uint8)
+        alarm = np.zeros(shape, dtype=np.bool_)
+        samples = (np.empty((*shape, 0)), y, arrived)
+        following = tuple(
+            run_compiled(one.monitor, state, one.positions, samples, (None, None, None, phase, alarm))
+            for one, state in zip(self.groups, states, strict=True)
+        )
+        return following, phase.reshape(delivered.shape), alarm.reshape(delivered.shape)
+
     def _fill(self, links: int, outputs: int, known: int) -> bool:
         """Whether every number of every link is written, so that none has to be blank before."""
         whole = [
@@ -213,16 +231,27 @@ def _stacked(members: Sequence[Observer | None]) -> Observer:
         (only,) = members
         assert only is not None  # noqa: S101 - the caller leaves refused designs out
         return only
-    first = linear[0]
+    first, period = linear[0], _period([id(one) for one in linear])
+    own = linear[:period]
+    whole = np.stack([np.block([[one.H, one.J], [one.M, one.D], [one.A, one.B]]) for one in own], axis=-1)
+    repeats = (1, 1, len(linear) // period)
     stacked = StackedObserver(
-        whole=np.stack([np.block([[one.H, one.J], [one.M, one.D], [one.A, one.B]]) for one in linear], axis=-1),
-        start=np.stack([one.Z for one in linear], axis=-1),
+        whole=np.tile(whole, repeats),
+        start=np.tile(np.stack([one.Z for one in own], axis=-1), repeats),
         inputs=first.inputs,
         outputs=first.outputs,
         states=first.states,
         lag=first.lag,
+        period=period,
     )
     return stacked if first is members[0] else ConstantInput(stacked)
+
+
+def _period(values: Sequence[int]) -> int:
+    """After how many the values repeat to the end; all of them when they do not."""
+    size = len(values)
+    again = (at for at in range(1, size // 2 + 1) if values[at] == values[0] and size % at == 0)
+    return next((at for at in again if values[at:] == values[:-at]), size)
 
 
 def _linear(observer: Observer | None) -> LinearObserver | None:

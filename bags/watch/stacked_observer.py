@@ -21,6 +21,7 @@ class StackedObserver:
         outputs: p.
         states: n.
         lag: Steps by which the estimate lags the newest sample.
+        period: Number of links after which the matrices repeat; None: they do not.
     """
 
     whole: NDArray[np.float64]
@@ -29,6 +30,7 @@ class StackedObserver:
     outputs: int
     states: int
     lag: int = 0
+    period: int | None = None
 
     def init(self, u: Sequence[Component], y: Sequence[Component]) -> Vector:
         """State before the first sample is used."""

@@ -38,27 +38,35 @@ typedef struct {
 /* Monitors of links whose observers have one shape: z+ = A z + B v, xhat = M z + D v, r = H z + J v, v = (u, y). */
 typedef struct {
   int64_t steps, links;          /* of the arrays */
-  int64_t group;                 /* links that are monitored here */
+  int64_t group, period;         /* links that are monitored here; after so many of them the coefficients repeat */
   int64_t order, states, inputs, outputs; /* q, n, m, p */
   int64_t constant;              /* 1: u starts with the constant 1, which does not travel */
   int64_t carried, width, known; /* components of a row of u, of received, of estimate */
   const int64_t *positions;      /* (group) */
   const int64_t *channels;       /* components of received that are outputs: (p) */
-  const double *whole;           /* [H J; M D; A B]: (p + n + q, q + constant + m + p, group) */
-  const double *start;           /* Z: (q, constant + m + p, group) */
+  const double *whole;           /* [H J; M D; A B]: (p + n + q, q + constant + m + p, period) */
+  const double *start;           /* Z: (q, constant + m + p, period) */
   const double *u, *received;    /* (steps, links, carried), (steps, links, width) */
   const unsigned char *delivered; /* (steps, links) */
   double *z;                     /* (q, group) */
-  double *estimate, *residual;   /* (steps, links, known), (steps, links, width); residual NULL: a blind observer */
+  double *estimate, *residual;   /* (steps, links, known), (steps, links, width); NULL: not wanted */
   /* The fixed detector; NULL: another judges. */
   int64_t settle_steps, calibrate_steps;
   double margin;
   const double *floor;           /* (p) */
-  double *threshold;             /* (steps, links, width) */
+  double *threshold;             /* (steps, links, width); NULL: not wanted */
   unsigned char *phase, *alarm;  /* (steps, links) */
   int64_t *age, *learned;        /* (group) */
   double *peak, *level;          /* (p, group) */
 } Monitors;
+
+/* f(0, x), f(1, x), ... for each of LANES. */
+#define EACH_2(f, x) f(0, x), f(1, x)
+#define EACH_4(f, x) EACH_2(f, x), f(2, x), f(3, x)
+#define EACH_8(f, x) EACH_4(f, x), f(4, x), f(5, x), f(6, x), f(7, x)
+#define EACH_OF(lanes, f, x) EACH_##lanes(f, x)
+#define EACH_IN(lanes, f, x) EACH_OF(lanes, f, x)
+#define EACH(f, x) EACH_IN(LANES, f, x)
 
 #define NOT_A_NUMBER ((double)NAN)
 

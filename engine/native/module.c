@@ -182,19 +182,20 @@ static PyObject *watch(PyObject *self, PyObject *args) {
                         &samples, &margin, &PyTuple_Type, &detector, &PyTuple_Type, &concluded))
     return NULL;
   const Kernels *kernels = kernels_of(name);
-  int64_t s[13];
-  if (!kernels || numbers_of(sizes, s, 13)) return NULL;
+  int64_t s[14];
+  if (!kernels || numbers_of(sizes, s, 14)) return NULL;
   Monitors m = {.steps = s[0], .links = s[1], .group = s[2], .order = s[3], .states = s[4], .inputs = s[5],
                 .outputs = s[6], .constant = s[7], .carried = s[8], .width = s[9], .known = s[10],
-                .settle_steps = s[11], .calibrate_steps = s[12], .margin = margin};
+                .settle_steps = s[11], 
+                .calibrate_steps = s[12], .period = s[13], .margin = margin};
   int64_t q = m.order, p = m.outputs, v = m.constant + m.inputs + p, rows = m.steps * m.links;
   Arrays arrays = {.held = 0};
   const size_t real = sizeof(double), whole = sizeof(int64_t);
 #define ARRAY(field, from, index, count, size, flags) m.field = take(&arrays, from, index, count, size, flags)
   ARRAY(positions, shapes, 0, m.group, whole, 0);
   ARRAY(channels, shapes, 1, p, whole, 0);
-  ARRAY(whole, shapes, 2, (p + m.states + q) * (q + v) * m.group, real, 0);
-  ARRAY(start, shapes, 3, q * v * m.group, real, 0);
+  ARRAY(whole, shapes, 2, (p + m.states + q) * (q + v) * m.period, real, 0);
+  ARRAY(start, shapes, 3, q * v * m.period, real, 0);
   ARRAY(u, samples, 0, rows * m.carried, real, 0);
   ARRAY(received, samples, 1, rows * m.width, real, 0);
   ARRAY(delivered, samples, 2, rows, 1, 0);
@@ -210,7 +211,7 @@ static PyObject *watch(PyObject *self, PyObject *args) {
   ARRAY(phase, concluded, 3, rows, 1, PyBUF_WRITABLE);
   ARRAY(alarm, concluded, 4, rows, 1, PyBUF_WRITABLE);
 #undef ARRAY
-  int failed = 0, wrong = m.inputs > m.carried;
+  int failed = 0, wrong = m.inputs > m.carried || m.period < 1;
   for (int64_t i = 0; !PyErr_Occurred() && i < m.group; i++) wrong |= m.positions[i] < 0 || m.positions[i] >= m.links;
   for (int64_t i = 0; !PyErr_Occurred() && i < p; i++) wrong |= m.channels[i] < 0 || m.channels[i] >= m.width;
   if (!PyErr_Occurred() && wrong) PyErr_SetString(PyExc_ValueError, "links, channels or inputs outside the arrays");

@@ -63,9 +63,11 @@ def _concluded(engine: str, monitors: RunMonitors, seed: int, runs: int, length:
     found = []
     with pytest.MonkeyPatch.context() as patch, np.errstate(all="ignore"):
         patch.setenv(VARIABLE, engine)
-        states = monitors.init()
+        states = alone = monitors.init()
         for first in range(0, STEPS, length):
             part = slice(first, first + length)
+            alone, phase, alarm = monitors.verdicts(alone, received[part], delivered[part])
+            found += [phase.tobytes(), alarm.tobytes()]
             states, said = monitors.run(states, received[part], delivered[part])
             numbers = (said.estimate, said.residual, said.threshold)
             found += [
