@@ -27,7 +27,7 @@ unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH 
 unexport RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
 endif
 
-.PHONY: help demo test lint kernels lowest fuzz torture pictures bench colcon install clean FORCE
+.PHONY: help demo test lint kernels lowest fuzz torture hosts pictures bench colcon install clean FORCE
 .DELETE_ON_ERROR:
 
 help: ## this list
@@ -58,6 +58,9 @@ lowest: $(VENV)/complete ## the numerical tests with the lowest versions that py
 	@$(PY) -m venv --clear $(VENV)/lowest
 	@$(VENV)/lowest/bin/python -m pip install -qq -r .ci/lowest.txt
 	@OPENBLAS_NUM_THREADS=1 $(VENV)/lowest/bin/python -m pytest -p no:cacheprovider $(LOWEST)
+
+hosts: install ## one run over three hosts made of namespaces: the same bytes, cables pulled, a host switched off
+	@$(PY) -m pytest tests/hosts
 
 MINUTES := 10
 fuzz: install ## random plants against every design, MINUTES=10 (docs/fuzz.md)
