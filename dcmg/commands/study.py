@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json as json_module
+import logging
 import os
 import sys
+from contextlib import contextmanager
 from importlib import resources
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -19,7 +21,7 @@ from dcmg.suggest import did_you_mean
 from dcmg.tabular import tabulate
 
 if TYPE_CHECKING:
-    from collections.abc import Sequence
+    from collections.abc import Iterator, Sequence
 
     from bags.study import Comparison, Pool, StudyCell
 
@@ -41,6 +43,14 @@ Out = Annotated[
 ]
 Seeds = Annotated[int | None, typer.Option(min=1, help="how many seeds; default: the study's", show_default=False)]
 Workers = Annotated[int | None, typer.Option(min=1, help="processes; default: one a core", show_default=False)]
+Dask = Annotated[
+    str | None,
+    typer.Option(
+        metavar="ADDRESS",
+        help="compute on Dask: tcp://HOST:PORT, a scheduler file, or local[:N] (docs/cluster.md)",
+        show_default=False,
+    ),
+]
 Set = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="A.B=VALUE", help="change one key of the study; repeatable", show_default=False),
@@ -54,6 +64,7 @@ def study(
     out: Out = None,
     seeds: Seeds = None,
     workers: Workers = None,
+    dask: Dask = None,
     set_: Set = None,
     json: Annotated[bool, typer.Option("--json", help="print the comparison as one JSON document")] = False,
 ) -> None:
@@ -61,10 +72,9 @@ def study(
 
     Writes the Parquet data set table (one row for each run, link and operating point), comparison.csv, comparison.md,
     and ROC, delay and impact curves. An interrupted study goes on where it was when the same command is given again.
-    docs/studies.md explains the keys of a study file.
+    docs/studies.md explains the keys of a study file, docs/cluster.md many machines.
     """
     from bags.study import (  # noqa: PLC0415 (pyarrow takes its time)
-        LocalPool,
         cells_of,
         check_designs,
         compare,
@@ -89,7 +99,8 @@ def study(
     cells = cells_of(loaded, str(path), find)
     check_designs(loaded, cells, str(path))
     folder = out or Path("out") / f"study-{loaded.name}"
-    table = _run(cells, folder, LocalPool(workers or os.cpu_count() or 1), quiet=json)
+    with _pool(workers, dask) as pool:
+        table = _run(cells, folder, pool, quiet=json)
     points = operating_points(tables_of(table))
     comparisons = compare(points, loaded.false_alarm_limit)
     paths = [table, *write_results(points, comparisons, loaded.false_alarm_limit, folder)]
@@ -104,6 +115,29 @@ def study(
     _show(loaded.question, comparisons, loaded.false_alarm_limit)
     for one in paths:
         typer.echo(one)
+
+
+@contextmanager
+def _pool(workers: int | None, dask: str | None) -> Iterator[Pool]:
+    """Who computes."""
+    from bags.study import LocalPool  # noqa: PLC0415 (pyarrow takes its time)
+
+    if dask is None:
+        yield LocalPool(workers or os.cpu_count() or 1)
+        return
+    if workers is not None:
+        raise CommandError(f"--workers {workers}: expected either this or --dask {dask}: write --dask local:{workers}")
+    try:
+        from bags.study.cluster import dask_pool  # noqa: PLC0415 (idem, and only here)
+    except ModuleNotFoundError as error:
+        raise CommandError(
+            f"--dask needs the Python package {error.name}, found none: pip install 'dcmg[studies]'"
+        ) from error
+    for name in ("distributed", *logging.root.manager.loggerDict):
+        if name.startswith("distributed"):
+            logging.getLogger(name).setLevel(logging.CRITICAL)  # what matters is said in our own words
+    with dask_pool(dask) as pool:
+        yield pool
 
 
 def _run(cells: Sequence[StudyCell], folder: Path, pool: Pool, *, quiet: bool) -> Path:
