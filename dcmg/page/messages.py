@@ -145,10 +145,12 @@ class AttackKind(_Message):
 
 
 class Dgu(_Message):
-    """A DGU."""
+    """A DGU; x and y, from 0 to 1, say where it is drawn."""
 
     number: int
     facts: str
+    x: float
+    y: float
 
 
 class Line(_Message):

@@ -6,6 +6,7 @@ from bags.wire.records import DesignRecord
 from dcmg.certificate_view import view
 from dcmg.page.attack_forms import kinds
 from dcmg.page.messages import Dgu, Line, LinkFacts, Outline
+from dcmg.page.placing import places
 from dgu_sim.grid import Link
 from dgu_sim.scenario import Scenario
 
@@ -36,21 +37,20 @@ def outputs_named(count: int) -> list[str]:
     return list(_OUTPUTS[:count]) if count <= len(_OUTPUTS) else [f"output {one + 1}" for one in range(count)]
 
 
-def of_scenario(scenario: Scenario) -> tuple[list[Dgu], list[Line]]:
-    """DGUs and lines with their values."""
-    dgus = [
-        Dgu(
-            number=one.id,
-            facts=f"reference {one.reference_v:g} V, filter {one.resistance_ohm:g} Ω, {one.inductance_h * 1e3:g} mH, "
-            f"{one.capacitance_f * 1e3:g} mF",
-        )
-        for one in scenario.dgus
-    ]
+def units_of(scenario: Scenario | None, dgus: tuple[int, ...]) -> tuple[list[Dgu], list[Line]]:
+    """DGUs and lines with their values; without a scenario (an imported stream) lines and values are not known."""
+    given = () if scenario is None else scenario.lines
+    pairs = [(one.between[0], one.between[1]) for one in given]
     lines = [
-        Line(between=(one.between[0], one.between[1]), facts=f"{one.resistance_ohm:g} Ω, {one.inductance_h * 1e6:g} µH")
-        for one in scenario.lines
+        Line(between=pair, facts=f"{one.resistance_ohm:g} Ω, {one.inductance_h * 1e6:g} µH")
+        for pair, one in zip(pairs, given, strict=True)
     ]
-    return dgus, lines
+    facts = dict.fromkeys(dgus, "")
+    for one in () if scenario is None else scenario.dgus:
+        values = f"{one.resistance_ohm:g} Ω, {one.inductance_h * 1e3:g} mH, {one.capacitance_f * 1e3:g} mF"
+        facts[one.id] = f"reference {one.reference_v:g} V, filter {values}"
+    spots = zip(dgus, places(dgus, pairs), strict=True)
+    return [Dgu(number=dgu, facts=facts[dgu], x=x, y=y) for dgu, (x, y) in spots], lines
 
 
 def outline(
@@ -65,8 +65,8 @@ def outline(
     outputs: int,
     bag: str | None = None,
 ) -> Outline:
-    """Put it together; without a scenario (an imported stream) the lines are not known."""
-    units, lines = ([Dgu(number=one, facts="") for one in dgus], []) if scenario is None else of_scenario(scenario)
+    """Put it together."""
+    units, lines = units_of(scenario, dgus)
     can = {
         "simulation": ["clock", "attack", "whatif"],
         "bag": ["clock", "seek"] if scenario is None else ["clock", "seek", "whatif"],

@@ -21,21 +21,17 @@ export class Graph {
 
   build(outline) {
     const count = outline.dgus.length;
-    this.radius = count <= 16 ? 21 : Math.max(5, 330 / count);
+    this.few = count <= 16;
+    this.radius = this.few ? 21 : Math.max(3, 66 / Math.sqrt(count));
     this.svg.setAttribute("viewBox", `0 0 ${SIZE} ${SIZE}`);
-    const places = new Map(outline.dgus.map((one, at) => [one.number, this.place(at, count)]));
+    this.svg.classList.toggle("many", !this.few);
+    const inner = SIZE - 88;
+    const places = new Map(outline.dgus.map((one) => [one.number, [44 + inner * one.x, 38 + inner * one.y]]));
     const wires = outline.lines.map((one) => this.wire(one, places));
     const links = outline.links.map((one) => this.link(one, places));
     const nodes = outline.dgus.map((one) => this.node(one, places.get(one.number)));
     this.links = links;
-    this.marks = links.map((one) => one.querySelector(".marks"));
     this.svg.replaceChildren(...wires, ...links, ...nodes);
-  }
-
-  place(at, count) {
-    const angle = -Math.PI / 2 + (2 * Math.PI * at) / Math.max(count, 1);
-    const reach = count > 1 ? SIZE / 2 - 44 : 0;
-    return [SIZE / 2 + reach * Math.cos(angle), SIZE / 2 + reach * Math.sin(angle) - 6];
   }
 
   wire(line, places) {
@@ -44,10 +40,10 @@ export class Graph {
   }
 
   node(dgu, [x, y]) {
-    const label = make("text", { x, y: y + 5 }, String(dgu.number));
+    const label = make("text", { x, y: y + (this.few ? 5 : 4) }, String(dgu.number));
     const volt = make("text", { class: "volt", x, y: y + this.radius + 17 }, "");
     this.volts[dgu.number] = volt;
-    return make("g", { class: "node" }, make("title", {}, `DGU ${dgu.number}: ${dgu.facts}`), make("circle", { cx: x, cy: y, r: this.radius }), ...(this.radius > 10 ? [label, volt] : []));
+    return make("g", { class: "node" }, make("title", {}, `DGU ${dgu.number}: ${dgu.facts}`), make("circle", { cx: x, cy: y, r: this.radius }), ...(this.few ? [label, volt] : this.radius > 11 ? [label] : []));
   }
 
   link(link, places) {
@@ -64,7 +60,7 @@ export class Graph {
       make("path", { class: "reach", d: path }),
       make("path", { class: "edge", d: path }),
       make("polygon", { class: "head", points: head }),
-      make("g", { class: "marks", transform: `translate(${x.toFixed(1)},${y.toFixed(1)})` }, bang(-0), hit(0)),
+      make("g", { class: "marks", transform: `translate(${x.toFixed(1)},${y.toFixed(1)})${this.few ? "" : " scale(.7)"}` }, bang(-0), hit(0)),
     );
   }
 

@@ -1,6 +1,8 @@
 // Residual over threshold of every link: a row a link, a column some steps.
 import { arrow, colour, figure, make, onScheme } from "./looks.js";
 
+const MOST = 40;
+const LARGEST = 25;
 const MARKS = { alarm: "▲", suspicious: "△", refused: "·", calibrating: "~", settling: "~", quiet: "", hidden: "" };
 
 export class Heat {
@@ -9,20 +11,24 @@ export class Heat {
     this.image = make("canvas");
     this.columns = [];
     onScheme(() => this.paint());
+    canvas.addEventListener("click", (event) => this.names?.length && chosen(this.names[Math.min(this.count - 1, Math.floor(event.offsetY / this.row))]));
   }
 
   build(outline) {
     this.count = outline.links.length;
+    this.names = outline.links.map((one) => one.name);
     this.columns = [];
-    this.row = Math.max(15, Math.min(22, 340 / Math.max(this.count, 1)));
-    this.rows.replaceChildren(
-      ...outline.links.map((link) => {
-        const item = make("li", {}, make("button", { type: "button", onclick: () => this.chosen(link.name) }, make("span", {}, arrow(link.name)), make("span", {}, "")));
-        item.firstChild.style.height = `${this.row}px`;
-        return item;
-      }),
-    );
+    this.dense = this.count > MOST;
+    this.row = this.dense ? Math.max(1.5, 560 / this.count) : Math.max(15, Math.min(22, 340 / Math.max(this.count, 1)));
+    this.rows.replaceChildren(...outline.links.slice(0, this.dense ? LARGEST : this.count).map((link) => this.item(link.name)));
     this.paint();
+  }
+
+  /** A row's name and number; of many links only the largest have one. */
+  item(name) {
+    const button = make("button", { type: "button", "data-row": name, onclick: () => this.chosen(button.dataset.row) }, make("span", {}, arrow(name)), make("span", {}, ""));
+    button.style.height = `${this.dense ? 22 : this.row}px`;
+    return make("li", {}, button);
   }
 
   /** Colours of ratios from 0 to 10, 64 a unit below 1. */
@@ -78,17 +84,24 @@ export class Heat {
     context.clearRect(0, 0, wide, high);
     context.drawImage(this.image, 0, 0, wide, high);
     context.fillStyle = colour("paper");
-    for (let y = 1; y < this.count; y++) context.fillRect(0, Math.round(y * this.row * scale), wide, Math.max(1, scale));
+    for (let y = 1; y < this.count && !this.dense; y++) context.fillRect(0, Math.round(y * this.row * scale), wide, Math.max(1, scale));
   }
 
   states(links, outline, chosen) {
-    links.forEach((state, at) => {
-      const item = this.rows.children[at];
-      const classes = `${state.state}${outline.links[at].name === chosen ? " chosen" : ""}`;
+    const weight = (one) => (one.state === "alarm" ? 1e9 : 0) + (one.attacked ? 1e8 : 0) + Math.min(one.score ?? -1, 1e7);
+    const order = [...links.keys()];
+    if (this.dense) order.sort((one, other) => weight(links[other]) - weight(links[one]) || one - other);
+    [...this.rows.children].forEach((item, place) => {
+      const [state, name] = [links[order[place]], outline.links[order[place]].name];
+      const classes = `${state.state}${name === chosen ? " chosen" : ""}`;
       if (item.className !== classes) item.className = classes;
-      const text = state.score === null ? MARKS[state.state] : `${MARKS[state.state]} ${figure(state.score, 2)}`;
-      const target = item.firstChild.lastChild;
-      if (target.textContent !== text) target.textContent = text;
+      const button = item.firstChild;
+      const mark = MARKS[state.state];
+      const texts = [arrow(name), state.score === null ? mark : `${mark} ${figure(state.score, 2)}`];
+      button.dataset.row = name;
+      texts.forEach((text, at) => {
+        if (button.children[at].textContent !== text) button.children[at].textContent = text;
+      });
     });
   }
 }
