@@ -1,4 +1,5 @@
 /* Every kernel, once for each instruction set. */
+#include "vectors.h"
 #include "monitors.h"
 #include "plant.h"
 #undef NAME

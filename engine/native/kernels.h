@@ -60,6 +60,8 @@ typedef struct {
   double *peak, *level;          /* (p, group) */
 } Monitors;
 
+#define ALWAYS static inline __attribute__((always_inline))
+
 /* f(0, x), f(1, x), ... for each of LANES. */
 #define EACH_2(f, x) f(0, x), f(1, x)
 #define EACH_4(f, x) EACH_2(f, x), f(2, x), f(3, x)

@@ -64,16 +64,24 @@ static void NAME(say)(const Plant *p, const NAME(Tile) *t, const Block *b, int64
   double *restrict reference = b->reference + at, *restrict drawn = b->load_current + at, *restrict c = b->alpha + at;
   double *restrict truth = b->x + 3 * at, *restrict y = b->y + 3 * at;
   for (int64_t i = 0; i < n; i++) reference[i] = t->reference[i] + alpha[i], drawn[i] = load[i], c[i] = alpha[i];
-  for (int component = 0; component < 3; component++) {
-    const double *restrict own = x + component * lanes, *restrict hidden = t->hidden + component * n;
-    const double *restrict noise = b->noise ? b->noise + ((3 * offset + component) * lanes + first) : NULL;
-    for (int64_t i = 0; i < n; i++) {
-      double sent = own[i];
-      truth[3 * i + component] = sent;
-      if (noise) sent = sent + noise[i];
-      y[3 * i + component] = p->hidden ? sent + hidden[i] : sent;
+  const double *noise = b->noise ? b->noise + 3 * offset * lanes + first : NULL;
+  int64_t i = 0;
+  for (; i + LANES <= n; i += LANES) {
+    NAME(Real) own[3], sent[3], more;
+    for (int one = 0; one < 3; one++) {
+      memcpy(&own[one], x + one * lanes + i, sizeof *own), sent[one] = own[one];
+      if (noise) memcpy(&more, noise + one * lanes + i, sizeof more), sent[one] = sent[one] + more;
+      if (p->hidden) memcpy(&more, t->hidden + one * n + i, sizeof more), sent[one] = sent[one] + more;
     }
+    NAME(store_threes)(own, truth + 3 * i), NAME(store_threes)(sent, y + 3 * i);
   }
+  for (; i < n; i++)
+    for (int one = 0; one < 3; one++) {
+      double sent = x[one * lanes + i];
+      truth[3 * i + one] = sent;
+      if (noise) sent = sent + noise[one * lanes + i];
+      y[3 * i + one] = p->hidden ? sent + t->hidden[one * n + i] : sent;
+    }
 }
 
 /* Copy what was sent along every link that nobody touches. */
@@ -82,8 +90,7 @@ static void NAME(pass)(const Plant *p, const Block *b, int64_t row, int64_t firs
     const double *restrict y = b->y + 3 * (row * p->runs + run) * p->dgus;
     double *restrict received = b->received + 3 * (row * p->runs + run) * p->links;
     for (int64_t link = 0; link < p->links; link++)
-      for (int component = 0; component < 3; component++)
-        received[3 * link + component] = y[3 * p->sources[link] + component];
+      memcpy(received + 3 * link, y + 3 * p->sources[link], 3 * sizeof(double));
   }
 }
 
