@@ -33,7 +33,7 @@ _KNOWN_GAP = 3.0  # below it the directions of the known unknown inputs are mixe
 _SEARCHED_GAP = 100.0  # a gap that has to be found, not only confirmed: random plants show tenfold gaps by chance
 _ABOVE_NOISE = 1.2  # noise alone moves every direction of the states by 1 +- sqrt(n / N)
 _CLEAR = 12.0  # below it six standard deviations of the fit are half a motion along the weakest direction
-_PEAK = 3.0  # standard deviations: Gaussian noise reaches it within some hundred samples
+PEAK = 3.0  # standard deviations: Gaussian noise reaches it within some hundred samples
 _NOISE_SPREAD = 1.5  # singular values of pure noise spread by sqrt(n / N) about 1, wider for noise at two instants
 _OVERSTATED = 0.2  # noise values below this share of the stated level contradict it
 
@@ -262,7 +262,7 @@ def _implied(
     direction = left[:, unknown_inputs]
     amplified = np.sqrt(1.0 + float(np.sum((direction @ (spread * A / spread[:, 0])) ** 2)))
     noise = direction @ (innovations * spread)
-    level = max(float(np.sqrt(np.mean(noise**2))), float(np.max(np.abs(noise))) / _PEAK)
+    level = max(float(np.sqrt(np.mean(noise**2))), float(np.max(np.abs(noise))) / PEAK)
     return np.asarray(level / amplified / spread[:, 0])
 
 

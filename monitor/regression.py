@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from monitor.errors import HistoryError
+from monitor.rank import PEAK
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
@@ -29,6 +30,8 @@ class Fit:
         misfit: |X_f - Theta V| / |X_f|.
         excitation: (k,) singular values of the regressors per sample, rows scaled to unit root mean square.
         error: (n, k) standard errors of the coefficients.
+        doubt: standard error, in shares of the spread of each x, of what follows from a motion of the regressors by
+            their root mean square along the direction that the history excites least; the largest of the n.
     """
 
     Theta: NDArray[np.float64]
@@ -36,6 +39,7 @@ class Fit:
     misfit: float
     excitation: NDArray[np.float64]
     error: NDArray[np.float64]
+    doubt: float
 
 
 def regress_states(history: History, tables: Sequence[tuple[NDArray[np.float64], ...]], names: Sequence[str]) -> Fit:
@@ -72,10 +76,12 @@ def regress_states(history: History, tables: Sequence[tuple[NDArray[np.float64],
     rest = X_f - Theta @ V
     variance = np.sum(rest**2, axis=1) / max(columns - k, 1)
     spread = np.diag(np.linalg.inv(scaled @ scaled.T)) / scale**2
+    level = np.maximum(np.sqrt(variance), np.max(np.abs(rest), axis=1) / PEAK) / np.std(X_f, axis=1)
     return Fit(
         Theta=Theta,
         columns=columns,
         misfit=float(np.linalg.norm(rest) / np.linalg.norm(X_f)),
         excitation=excitation,
         error=np.sqrt(np.outer(variance, spread)),
+        doubt=float(np.max(level) / (excitation[-1] * np.sqrt(columns))),
     )

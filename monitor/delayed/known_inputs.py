@@ -23,7 +23,7 @@ from monitor.delayed.proving import Claim, prove_inputs
 from monitor.delayed.units import in_units
 from monitor.errors import HistoryError, MonitorError
 from monitor.options import STRICT
-from monitor.proof import hold_back
+from monitor.proof import SIGMAS, hold_back
 from monitor.regression import regress_states
 from monitor.scaling import norms, spreads
 
@@ -129,6 +129,7 @@ def design_known(history: History, options: KnownInputOptions) -> KnownInputDesi
         unknowns=history.states + m_d,
         spare_columns=plant.columns - history.states - m_d,
         tolerance=_ROUNDING,
+        hardly=SIGMAS * plant.doubt,
     )
     mean, reach = _spread(split.seen)
     try:
@@ -157,6 +158,7 @@ class _Plant:
     norm: Scaling
     units: Units
     misfit: float
+    doubt: float
     columns: int
 
 
@@ -174,7 +176,7 @@ def _identify(seen: History, into: Scaling, norm: Scaling) -> _Plant:
     check_acting(np.vstack([E / into.x[:, None], G / into.y[:, None]]) * into.d)
     tolerance = max(_RANK, min(_NOISE_SAFETY * fit.misfit, _COARSE))
     units = Units(x=norm.x, y=norm.y, tolerance=tolerance)
-    return _Plant(A=A, E=E, C=C, G=G, norm=norm, units=units, misfit=fit.misfit, columns=fit.columns)
+    return _Plant(A=A, E=E, C=C, G=G, norm=norm, units=units, misfit=fit.misfit, doubt=fit.doubt, columns=fit.columns)
 
 
 def _exact(history: History, options: KnownInputOptions, plant: _Plant) -> DelayedDesign:

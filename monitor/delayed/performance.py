@@ -31,7 +31,7 @@ if TYPE_CHECKING:
 _GRID = range(50, 1000, 100)  # thousandths of a
 _SMALLEST, _LARGEST = 10, 990  # a -> 1 asks for a deadbeat error
 _RANK = 1e-9  # relative: a state that is pushed less is not pushed
-_NOISE = 1e-4  # on states and outputs, of what unknown inputs do there: keeps the equation well posed
+_NOISE = 1e-3  # on states and outputs, of what unknown inputs do there: keeps the equation well posed
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)

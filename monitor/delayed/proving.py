@@ -78,14 +78,16 @@ def prove_delayed(made: DelayedDesign, claim: Claim) -> Proof:
         allowed = claim.allowed(seen, unseen, gain)
         allowed = replace(allowed, error=np.minimum(allowed.error, _WORTHLESS))
         unseen = of_their_size(unseen) if claim.exact else unseen
-        return prove(unseen, allowed, scales, spare_columns=claim.spare_columns, hardly=claim.hardly)
+        return prove(
+            unseen, allowed, scales, spare_columns=claim.spare_columns, hardly=claim.hardly * (1.0 + gain * claim.exact)
+        )
     predicted, new = (_predicted(made, one, spread) for one in (split.seen, split.unseen))
     believed = claim.allowed(predicted, new, 1.0)
     model = prove(new, believed, (spread.x, np.zeros(0)), spare_columns=claim.spare_columns, estimate="prediction")
     if not model.holds:
         return model
     slack = float(np.max(believed.error, initial=0.0)) * (1.0 + gain)
-    error, residual = _bounds(made, split.unseen)
+    error, residual = _bounds(made, split.unseen, spread.x)
     basis = "the guaranteed bounds for unknown inputs of this size"
     bounded = Allowance(error=error / spread.x + slack, residual=residual / spread.y + slack, basis=basis)
     return prove(unseen, bounded, scales, spare_columns=claim.spare_columns)
@@ -126,7 +128,14 @@ def prove_inputs(
             residual=0.0,
             basis="the guaranteed bound for inputs of this size",
         )
-    return prove(unseen, allowed, (scale, np.zeros(0)), spare_columns=claim.spare_columns, estimate="inputs")
+    return prove(
+        unseen,
+        allowed,
+        (scale, np.zeros(0)),
+        spare_columns=claim.spare_columns,
+        estimate="inputs",
+        hardly=claim.hardly,
+    )
 
 
 def _tried_inputs(
@@ -176,14 +185,16 @@ def _gain(made: DelayedDesign, spread: Scaling) -> float:
     return float(np.sqrt(np.max(np.diag(covariance) / np.concatenate([spread.x, spread.y]) ** 2, initial=0.0)))
 
 
-def _unknown(made: DelayedDesign, history: History) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-    """Of each stretch the unknown inputs w (q, T - 1) that explain it best, and what they leave of x (n, T - 1)."""
+def _unknown(
+    made: DelayedDesign, history: History, x: NDArray[np.float64]
+) -> list[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+    """Of each stretch w (q, T - 1) and what it leaves of the states (n, T - 1): the least in shares of x (n,)."""
     model, found = made.model, []
     assert model is not None  # noqa: S101 - an accepted design has one
     for one in stretches(history):
         known = np.hstack([np.ones((len(one.y), 1)), one.u])[:, -model.B_u.shape[1] or len(one.y) :]
         rest = (one.x[1:] - one.x[:-1] @ model.A.T - known[:-1] @ model.B_u.T).T
-        w = np.linalg.pinv(model.B) @ rest
+        w = np.linalg.pinv(model.B / x[:, None]) @ (rest / x[:, None])
         found.append((w, rest - model.B @ w))
     return found
 
@@ -193,17 +204,19 @@ def _predicted(made: DelayedDesign, history: History, spread: Scaling) -> list[T
     sizes = [float(np.max(np.abs(one.x / spread.x), initial=0.0)) for one in stretches(history)]
     return [
         Trial(error=rest.T / spread.x, residual=np.zeros((rest.shape[1], 0)), size=size)
-        for (_, rest), size in zip(_unknown(made, history), sizes, strict=True)
+        for (_, rest), size in zip(_unknown(made, history, spread.x), sizes, strict=True)
     ]
 
 
-def _bounds(made: DelayedDesign, history: History) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def _bounds(
+    made: DelayedDesign, history: History, x: NDArray[np.float64]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """Largest error of each state and residual of each output that unknown inputs as large as these can cause."""
     assert made.model is not None  # noqa: S101 - an accepted design has one
     assert made.L is not None  # noqa: S101 - an accepted design has one
     assert made.guarantee is not None  # noqa: S101 - an accepted design has one
     largest = max(
-        (float(np.max(np.linalg.norm(w, axis=0), initial=0.0)) for w, _ in _unknown(made, history)), default=0.0
+        (float(np.max(np.linalg.norm(w, axis=0), initial=0.0)) for w, _ in _unknown(made, history, x)), default=0.0
     )
     window = window_of(made.model, made.guarantee.delay)
     response = respond(made.model, window, made.L, np.eye(len(made.model.A)))

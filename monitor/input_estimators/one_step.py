@@ -16,7 +16,7 @@ from monitor.input_estimators.linear_estimator import LinearInputEstimator
 from monitor.input_estimators.protocol import EstimatorDesign, figures
 from monitor.linear_observer import LinearObserver
 from monitor.options import STRICT, parse_options
-from monitor.proof import Trial, hold_back, prove, rounding, stretches
+from monitor.proof import SIGMAS, Trial, hold_back, prove, rounding, stretches
 from monitor.proof import noise as noise_of
 from monitor.regression import regress_states
 from monitor.scaling import norms, spreads
@@ -146,7 +146,8 @@ def _prove(
         allowed = noise_of(tried(split.seen), unknowns, allowed)
         allowed = replace(allowed, error=np.minimum(allowed.error, _WORTHLESS))
     scales = (spread.d, np.zeros(0))
-    return prove(unseen, allowed, scales, spare_columns=fit.columns - unknowns, estimate="inputs")
+    hardly = SIGMAS * fit.doubt
+    return prove(unseen, allowed, scales, spare_columns=fit.columns - unknowns, estimate="inputs", hardly=hardly)
 
 
 def _realise(observer: LinearObserver, A: NDArray[np.float64], F: NDArray[np.float64]) -> LinearObserver:

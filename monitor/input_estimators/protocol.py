@@ -77,6 +77,7 @@ def figures(proof: Proof) -> dict[str, object]:
         "worst_error": proof.worst_error,
         "worst_residual": proof.worst_residual,
         "allowed_error": proof.allowed_error,
+        "hardly": proof.hardly,
         "errors": proof.errors.tolist(),
         "basis": proof.basis,
     }

@@ -15,6 +15,7 @@ from monitor.history import Experiment
 from monitor.linear_observer import LinearObserver
 from monitor.options import parse_options
 from monitor.proof import hold_back, noise, prove, rounding
+from monitor.rank import LOST
 from monitor.regression import regress_states
 from monitor.riccati import dual_lqr
 from monitor.scaling import norms, spreads
@@ -36,7 +37,6 @@ KIND = "luenberger"
 _RUNNING = ("A", "G", "L", "conductances", "load")
 _REFERENCE = 1  # column of d that holds the DGU's own reference
 _SURE = 3.0  # standard errors that a coefficient must stand above 0 to be known
-_ROUNDING = 1e-9  # in shares of the spread: what acts less is rounding of exact data
 _MISFIT = 1e-9  # relative: a history that misses the plant by less carries rounding only
 _EXACT = 1e-10  # relative rounding of exact samples
 
@@ -248,14 +248,15 @@ def _conductances(found: _Fitted) -> NDArray[np.float64]:
     fit, neighbours = found.fit, found.neighbours
     n, into = len(found.norm.x), found.spread.relative_to(found.norm)
     G, error = (one[:, n:] * into.u / into.x[:, None] for one in (fit.Theta, fit.error))
-    if np.linalg.norm(G[:, -1]) <= _SURE * np.linalg.norm(error[:, -1]) + _ROUNDING:
+    rounding_left = LOST * max(fit.misfit, float(np.finfo(float).eps))
+    if np.linalg.norm(G[:, -1]) <= _SURE * np.linalg.norm(error[:, -1]) + rounding_left:
         raise HistoryError("the history does not show how the load acts: excite it more or record with less noise")
     load_direction = fit.Theta[:, -1]
     toward = load_direction / (load_direction @ load_direction)  # b^+
     found_ones = -(toward @ fit.Theta[:, n : n + neighbours])
     doubt = np.abs(toward) @ fit.error[:, n : n + neighbours]
     share = into.u[:neighbours] / into.u[-1]
-    shown = np.abs(found_ones) * share > _SURE * doubt * share + _ROUNDING
+    shown = np.abs(found_ones) * share > _SURE * doubt * share + rounding_left
     return np.where(shown, found_ones * found.norm.u[-1] / found.norm.u[:neighbours], 0.0)
 
 

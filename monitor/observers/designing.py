@@ -278,9 +278,11 @@ def _proved(solution: _Solution, options: DesignOptions, data: DataReport) -> Pr
             stated = Allowance(error=np.sqrt(levels[:n]) + std, residual=np.sqrt(levels[n:]), basis="that stated")
         allowed = noise(fitted, rank, allowed, stated)
     scales = (units.spread.x, units.spread.y)
-    hardly = solution.hardly
+    hardly, relative = solution.hardly, of_their_size(unseen)
     if solution.exact:
-        unseen, hardly = of_their_size(unseen), max(hardly, LOST * tolerance * (1.0 + gain))
+        unseen, hardly = relative, max(hardly, LOST * tolerance) * (1.0 + gain)
+    else:  # signals that have died out say little about a fresh start
+        hardly = max(hardly, *(float(np.max(np.abs(one.error), initial=0.0)) for one in relative), 0.0)
     return prove(unseen, allowed, scales, spare_columns=data.columns - rank, hardly=hardly)
 
 

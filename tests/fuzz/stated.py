@@ -24,6 +24,6 @@ def stated_error(certificate: Certificate) -> float | None:
 def stated_figure(numbers: Mapping[str, object]) -> float | None:
     """The same of an input estimator, from what it knows about itself."""
     proof = numbers.get("proof")
-    worst = [proof.get(name) for name in ("worst_error", "worst_residual")] if isinstance(proof, dict) else []
+    worst = [proof.get(name) for name in ("worst_error", "worst_residual", "hardly")] if isinstance(proof, dict) else []
     found = [one for one in worst if isinstance(one, float)]
     return max(found) if found else None
