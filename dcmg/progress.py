@@ -18,11 +18,23 @@ if TYPE_CHECKING:
 
 def shown(windows: Iterable[RunRecord], steps: int, what: str) -> Iterator[RunRecord]:
     """Pass the windows of a run on, with a progress bar for as long as they last."""
-    with Progress(console=Console(stderr=True), transient=True) as progress:
-        task = progress.add_task(what, total=steps)
+    progress = Progress(console=Console(stderr=True), transient=True)
+    task = progress.add_task(what, total=steps)
+    progress.start()
+    try:
         for window in windows:
             yield window
             progress.update(task, completed=window.end_step)
+    finally:
+        _stop(progress)
+
+
+def _stop(progress: Progress) -> None:
+    """Stop drawing, without the empty line that rich puts where it has drawn nothing."""
+    if progress.console.is_interactive:
+        progress.stop()
+    else:
+        progress.live.stop()
 
 
 class LiveBar:
@@ -49,7 +61,7 @@ class LiveBar:
 
     def close(self) -> None:
         """Stop drawing and leave the last state on the screen."""
-        self._progress.stop()
+        _stop(self._progress)
 
     def update(self, completed: float | None = None, **words: Any) -> None:  # noqa: ANN401 (strings: rich declares other keywords)
         """Show how much is done, and other words."""

@@ -1,6 +1,6 @@
 """Errors of the simulator: misuse, said in one line."""
 
-__all__ = ["AttackError", "DguSimError", "ScenarioError"]
+__all__ = ["AttackError", "DguSimError", "PlugInError", "ScenarioError"]
 
 
 class DguSimError(Exception):
@@ -13,3 +13,7 @@ class ScenarioError(DguSimError):
 
 class AttackError(DguSimError):
     """An attack cannot be started or stopped: the message says why."""
+
+
+class PlugInError(DguSimError):
+    """What an installed package adds cannot be used: the message names package, version and entry point."""

@@ -14,6 +14,7 @@ from pydantic import (
 from pydantic_core import PydanticCustomError
 
 from dgu_sim.attacks import KINDS, Attack, expected_class
+from dgu_sim.errors import PlugInError
 from dgu_sim.excitation import Excitation, UniformExcitation
 from dgu_sim.explain import part_of
 from dgu_sim.grid import Link
@@ -230,9 +231,13 @@ class AttackSettings(Frozen):
         if data["kind"] not in KINDS:
             raise finding(("kind",), data["kind"], expected_class(data["kind"]))
         ours = [key for key in cls.model_fields if key != "parameters"]
-        check_keys(data, [*ours, *KINDS[data["kind"]].model_fields])
+        try:
+            attack = KINDS[data["kind"]]
+        except PlugInError as error:
+            raise finding(("kind",), data["kind"], str(error)) from error
+        check_keys(data, [*ours, *attack.model_fields])
         given = {key: value for key, value in data.items() if key not in ours}
-        parameters = part_of(KINDS[data["kind"]], given).model_dump(mode="json")
+        parameters = part_of(attack, given).model_dump(mode="json")
         return {key: value for key, value in data.items() if key in ours} | {"parameters": parameters}
 
     @model_validator(mode="after")

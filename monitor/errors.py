@@ -28,3 +28,7 @@ class OptionError(MonitorError):
     def __reduce__(self) -> tuple[type[OptionError], tuple[str, tuple[str, ...], object, str]]:
         """Let it cross from a worker process: an exception is rebuilt from all that made it."""
         return type(self), (str(self), self.key, self.value, self.expected)
+
+
+class PlugInError(MonitorError):
+    """What an installed package adds cannot be used; the line names package, version and entry point."""

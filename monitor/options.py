@@ -8,12 +8,13 @@ from typing import TYPE_CHECKING, TypeVar
 
 from pydantic import ConfigDict, TypeAdapter, ValidationError
 
-from monitor.errors import HistoryError, MonitorError, OptionError
+from monitor.errors import HistoryError, MonitorError, OptionError, PlugInError
 from monitor.suggestions import meant
 
 if TYPE_CHECKING:
     from collections.abc import Collection, Iterator, Mapping
 
+Kind = TypeVar("Kind")
 Options = TypeVar("Options")
 
 STRICT = ConfigDict(extra="forbid", defer_build=True)
@@ -54,6 +55,19 @@ def check_kind(what: str, kind: str, known: Collection[str]) -> None:
     if kind not in known:
         expected = expected_one(kind, sorted(known))
         raise OptionError(f"{what} kind is {kind!r}, {expected}", ("kind",), kind, expected)
+
+
+def known_kind(what: str, kind: str, known: Mapping[str, Kind]) -> Kind:
+    """Return the kind of a name.
+
+    Raises:
+        OptionError: there is none, or it is of a plug-in that cannot be used.
+    """
+    check_kind(what, kind, known)
+    try:
+        return known[kind]
+    except PlugInError as error:
+        raise OptionError(str(error), ("kind",), kind, str(error)) from error
 
 
 def expected_one(found: str, known: Collection[str]) -> str:

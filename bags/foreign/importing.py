@@ -26,6 +26,7 @@ from bags.sources.recorded import Known
 from bags.watch.histories import read_all_histories
 from bags.wire.documents import HistoryCodec
 from bags.wire.origin import MONITOR_ATTACHMENT, attach_versions
+from bags.wire.plugins import used_plug_ins
 from bags.wire.records import HistoryRecord
 from bags.wire.row import Widths
 from bags.wire.schema import RunTopics, run_topics
@@ -419,7 +420,7 @@ def attach_mapping(writer: BagWriter, mapping: Mapping) -> None:
     """
     writer.attach(MAPPING_ATTACHMENT, dump(mapping.model_dump(mode="json")).encode(), "application/yaml")
     writer.attach(MONITOR_ATTACHMENT, dump(mapping.monitor.model_dump(mode="json")).encode(), "application/yaml")
-    attach_versions(writer)
+    attach_versions(writer, used_plug_ins({"monitor": mapping.monitor.model_dump(mode="json")}))
 
 
 def attach_report(writer: BagWriter, report: ImportReport) -> None:

@@ -20,7 +20,8 @@ from bags.watch.designs import design_run, said_of, team_told
 from bags.watch.watcher import Watcher
 from bags.wire.arrays import measured
 from bags.wire.convert import history_of
-from bags.wire.origin import MONITOR_ATTACHMENT, SCENARIO_ATTACHMENT
+from bags.wire.origin import MONITOR_ATTACHMENT, SCENARIO_ATTACHMENT, VERSIONS_ATTACHMENT
+from bags.wire.plugins import check_plug_ins, used_plug_ins, with_plug_ins
 from bags.wire.records import DesignRecord
 from bags.wire.row import Need
 from bags.wire.schema import RunTopics, parts_of
@@ -136,6 +137,7 @@ class _Prepared:
 
 def _prepare(record: RunRecord, overrides: Sequence[str], *, redesign: bool) -> _Prepared:
     check_overrides(overrides)
+    check_plug_ins(record.path, record.scenario_text, record.versions)
     settings, scenario, attachment = _settings(record, overrides)
     histories = histories_of(record)
     states = max((one.states for one in histories.values()), default=record.topics.widths.states)
@@ -193,7 +195,11 @@ def _settings(record: RunRecord, overrides: Sequence[str]) -> tuple[MonitorSetti
     """The monitor section, its scenario unless it is of a stream from outside, and the document that tells it."""
     if record.scenario_text:
         scenario = replayed_scenario(record.path, record.scenario_text, overrides)
-        return settings_of(scenario), scenario, {SCENARIO_ATTACHMENT: scenario.to_yaml().encode()}
+        versions = with_plug_ins(record.versions, used_plug_ins(scenario.model_dump(mode="json")))
+        told = {SCENARIO_ATTACHMENT: scenario.to_yaml().encode()} | (
+            {VERSIONS_ATTACHMENT: versions} if versions else {}
+        )
+        return settings_of(scenario), scenario, told
     if MONITOR_ATTACHMENT not in record.attachments:
         raise BagError(f"{record.path}: holds no {SCENARIO_ATTACHMENT}, expected the scenario of the run")
     source = f"{record.path}/{MONITOR_ATTACHMENT}"

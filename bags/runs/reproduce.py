@@ -16,7 +16,8 @@ from bags.sources.recorded import open_recorded
 from bags.watch.carried import read_carried
 from bags.watch.designs import design_scenario
 from bags.wire import table
-from bags.wire.origin import SCENARIO_ATTACHMENT
+from bags.wire.origin import SCENARIO_ATTACHMENT, VERSIONS_ATTACHMENT
+from bags.wire.plugins import check_plug_ins
 from dgu_sim.relay import Action, Origin
 from dgu_sim.scenario import Scenario, parse_scenario
 
@@ -40,6 +41,7 @@ class Reproduction:
         messages: How many messages.
         differing: Of each topic that differs: the first message that does, from 1; messages recorded, and made again.
         left_out: Topics that were not compared, and why.
+        plug_ins: A line for each plug-in that is here in another version.
     """
 
     path: Path
@@ -47,6 +49,7 @@ class Reproduction:
     messages: int
     differing: Mapping[str, tuple[int, int, int]]
     left_out: Mapping[str, str]
+    plug_ins: tuple[str, ...] = ()
 
     def document(self) -> dict[str, Any]:
         """For JSON."""
@@ -60,6 +63,7 @@ class Reproduction:
                 for topic, (first, recorded, again) in self.differing.items()
             },
             "left_out": dict(self.left_out),
+            "plug_ins": list(self.plug_ins),
         }
 
 
@@ -75,7 +79,9 @@ def steered(path: Path | str) -> Scenario:
         BagError: The bag is none of a run, or what was done cannot be told in a scenario: one line.
         ScenarioError: Its scenario cannot be used.
     """
-    return _steered(open_run(path))
+    run = open_run(path)
+    _check_plug_ins(run)
+    return _steered(run)
 
 
 def reproduce(path: Path | str, out: Path | str, progress: Callable[[int], None] | None = None) -> Reproduction:
@@ -92,6 +98,7 @@ def reproduce(path: Path | str, out: Path | str, progress: Callable[[int], None]
     """
     path, out = Path(path), Path(out)
     run = open_run(path)
+    other_plug_ins = _check_plug_ins(run)
     scenario = _steered(run)
     designs = design_scenario(scenario, carried=read_carried(path))
     simulate_to_bag(scenario, out, progress, designs=designs)
@@ -113,7 +120,13 @@ def reproduce(path: Path | str, out: Path | str, progress: Callable[[int], None]
         messages=sum(recorded[topic][0] for topic in compared),
         differing=differing,
         left_out=left_out,
+        plug_ins=other_plug_ins,
     )
+
+
+def _check_plug_ins(run: Run) -> tuple[str, ...]:
+    scenario, versions = (run.attachments.get(name, b"") for name in (SCENARIO_ATTACHMENT, VERSIONS_ATTACHMENT))
+    return check_plug_ins(run.path, scenario.decode(), versions, [event.kind for event in run.events])
 
 
 def _steered(run: Run) -> Scenario:

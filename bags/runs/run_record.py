@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from bags.watch.combined_arrays import CombinedArrays, CombinedFields
 from bags.watch.team_record import TeamArrays, TeamRecord
 from bags.wire.arrays import Arrays, group
-from bags.wire.origin import SCENARIO_ATTACHMENT
+from bags.wire.origin import SCENARIO_ATTACHMENT, VERSIONS_ATTACHMENT
 from bags.wire.records import AlarmRecord, DesignRecord, HistoryRecord, SecondRecord, StreamRecord
 from bags.wire.schema import RunTopics
 from dgu_sim.grid import Link
@@ -174,6 +174,11 @@ class RunRecord:
     def scenario_text(self) -> str:
         """The scenario as YAML, "" when the bag holds none."""
         return self.attachments.get(SCENARIO_ATTACHMENT, b"").decode()
+
+    @property
+    def versions(self) -> bytes:
+        """What computed it, versions.json; empty when the bag does not say."""
+        return self.attachments.get(VERSIONS_ATTACHMENT, b"")
 
     def attack_intervals(self, link: Link, end: int | None = None) -> tuple[tuple[int, int], ...]:
         """Steps [start, stop) of the attacks on a link, by start.

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from bags.mcap.yaml_text import load
 from bags.wire.records import SecondRecord
 from dgu_sim.attacks import KINDS
+from dgu_sim.errors import PlugInError
 from dgu_sim.grid import Link
 from dgu_sim.relay import Action, RelayEvent
 from dgu_sim.settings import Accept
@@ -55,10 +56,18 @@ def spoofed_steps(events: Iterable[RelayEvent], steps: int) -> dict[Link, list[t
     found: dict[Link, list[tuple[int, int]]] = {}
     for event in events:
         key = event.link, event.attack
-        if event.kind in KINDS and KINDS[event.kind].publishes and event.action is Action.START:
+        if event.action is Action.START and _publishes(event.kind):
             starts[key] = event.step
         elif key in starts:
             found.setdefault(event.link, []).append((starts.pop(key), event.step))
     for (link, _), start in starts.items():
         found.setdefault(link, []).append((start, steps))
     return found
+
+
+def _publishes(kind: str) -> bool:
+    """Whether attacks of a kind are second publishers; of a kind that is not here, nothing is known."""
+    try:
+        return KINDS[kind].publishes
+    except (KeyError, PlugInError):
+        return False

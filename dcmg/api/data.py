@@ -102,7 +102,8 @@ def detector(kind: str = "fixed", *, sampling_period_sec: float, **options: obje
     """Build a detector: what turns residuals into alarms.
 
     Args:
-        kind: fixed, calibrated, noise_bound, chi2, cusum or n_of_m; docs/detectors.md says which when.
+        kind: fixed, calibrated, noise_bound, chi_squared, cusum, n_of_m (docs/detectors.md says which when), or of a
+            plug-in.
         sampling_period_sec: T_s [s].
         options: of this kind, as in `margin=3`; docs/detectors.md lists them.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json as json_module
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 from rich.console import Console
@@ -12,6 +12,10 @@ from dcmg.attack_words import EXAMPLES, first_line, parameters_of
 from dcmg.tabular import tabulate
 from dgu_sim.attacks import KINDS, known_kind
 from dgu_sim.attacks.techniques import techniques_of
+from dgu_sim.errors import AttackError
+
+if TYPE_CHECKING:
+    from dgu_sim.attacks import Attack
 
 
 def attack_kinds(
@@ -20,7 +24,7 @@ def attack_kinds(
     json: Annotated[bool, typer.Option("--json", help="print a JSON document")] = False,
 ) -> None:
     """Say what attacks there are; what one does, knows and wants."""
-    chosen = KINDS if kind is None else {kind: known_kind(kind)}
+    chosen = _usable() if kind is None else {kind: known_kind(kind)}
     if json:
         document = {
             name: {
@@ -35,7 +39,7 @@ def attack_kinds(
         return
     if kind is None:
         headings = ("kind", "what it does", "what it must know", "MITRE ATT&CK for ICS")
-        rows = [(name, first_line(one), one.knows, "\n".join(_techniques(name))) for name, one in KINDS.items()]
+        rows = [(name, first_line(one), one.knows, "\n".join(_techniques(name))) for name, one in chosen.items()]
         Console().print(tabulate(headings, rows))
         return
     attack = chosen[kind]
@@ -43,7 +47,24 @@ def attack_kinds(
     typer.echo(f"MITRE ATT&CK for ICS: {', '.join(_techniques(kind)) or 'no technique that matches'}.")
     table = tabulate(("parameter", "default", "meaning"), parameters_of(attack))
     Console().print(table if attack.model_fields else "no parameters")
-    typer.echo(f"dcmg attack start {kind} {EXAMPLES.get(kind, '1-2')}")
+    typer.echo(f"dcmg attack start {kind} {EXAMPLES.get(kind) or _example(attack)}")
+
+
+def _usable() -> dict[str, type[Attack]]:
+    """Every kind; a plug-in that cannot be used is one line on standard error."""
+    found: dict[str, type[Attack]] = {}
+    for kind in KINDS:
+        try:
+            found[kind] = known_kind(kind)
+        except AttackError as error:
+            typer.echo(str(error), err=True)
+    return found
+
+
+def _example(attack: type[Attack]) -> str:
+    """The words of a kind that brings no example: what it must be told."""
+    wanted = [f"{option} ..." for option, default, _ in parameters_of(attack) if default == "required"]
+    return " ".join(["1-2", *wanted])
 
 
 def _techniques(kind: str) -> list[str]:

@@ -45,10 +45,15 @@ def evaluate(bag: Path, changes: MonitorChanges, *, out: Path | None, json: bool
     from bags.runs.replay import replay_windows  # noqa: PLC0415
     from bags.runs.replay_bag import write_replayed  # noqa: PLC0415
     from bags.runs.replay_settings import history_messages, with_histories  # noqa: PLC0415
+    from bags.wire.origin import SCENARIO_ATTACHMENT, VERSIONS_ATTACHMENT  # noqa: PLC0415
+    from bags.wire.plugins import check_plug_ins  # noqa: PLC0415
     from dcmg.commands.showing import messages  # noqa: PLC0415
     from dcmg.run_tables import show_run  # noqa: PLC0415
 
     run = open_run(bag)
+    scenario, versions = (run.attachments.get(name, b"") for name in (SCENARIO_ATTACHMENT, VERSIONS_ATTACHMENT))
+    for line in check_plug_ins(run.path, scenario.decode(), versions):
+        messages.print(line, highlight=False, markup=False, soft_wrap=True)
     recorded: list[Carried] = []
     windows, told = _noted(run.windows(), recorded), {}
     if changes.history is not None:

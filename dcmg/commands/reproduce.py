@@ -42,6 +42,8 @@ def reproduce(
         closing(LiveDisplay(messages, run.steps, run.topics.sampling_period_ns * 1e-9)) as display,
     ):
         found = again(bag, out or Path(folder) / "bag", display.steps)
+    for line in found.plug_ins:
+        messages.print(line, highlight=False, markup=False, soft_wrap=True)
     if json:
         typer.echo(json_module.dumps(found.document()))
     else:

@@ -1,5 +1,9 @@
-"""Attacks that act on what the messages of a link say, by name: a new one is one new file and one line here."""
+"""Attacks that act on what the messages of a link say, by name: a new one is one new file and one line here.
 
+Installed packages add theirs by entry points of the group `dcmg.attacks` (docs/plugins.md).
+"""
+
+import inspect
 from collections.abc import Mapping
 
 from dgu_sim.attacks.bias import Bias
@@ -19,10 +23,14 @@ from dgu_sim.attacks.scaling import Scaling
 from dgu_sim.attacks.uio_stealthy_plane import UioStealthyPlane
 from dgu_sim.attacks.uio_stealthy_trajectory import UioStealthyTrajectory
 from dgu_sim.attacks.zero_sum import ZeroSum
+from dgu_sim.errors import PlugInError
+from dgu_sim.plugins import Kinds
 
-__all__ = ["FALSIFICATIONS"]
+__all__ = ["FALSIFICATIONS", "GROUP", "SHIPPED", "checked_attack"]
 
-FALSIFICATIONS: Mapping[str, type[Attack]] = {
+GROUP = "dcmg.attacks"
+
+SHIPPED: Mapping[str, type[Attack]] = {
     "bias": Bias,
     "bias_ramp": BiasRamp,
     "bias_sine": BiasSine,
@@ -40,3 +48,25 @@ FALSIFICATIONS: Mapping[str, type[Attack]] = {
     "luenberger_stealthy": LuenbergerStealthy,
     "covert": Covert,
 }
+
+_KEYS_OF_ALL = ("anyway", "kind", "link", "links", "start_sec", "stop_sec", "parameters")
+
+
+def checked_attack(kind: str, found: object) -> type[Attack]:
+    """Return what a plug-in brought, an attack class.
+
+    Raises:
+        PlugInError: It is none, or not a whole one.
+    """
+    if not (isinstance(found, type) and issubclass(found, Attack)):
+        raise PlugInError(f"{kind} is {found!r}, expected a class that derives from dgu_sim.attacks.Attack")
+    if inspect.isabstract(found):
+        missing = ", ".join(sorted(found.__abstractmethods__))
+        raise PlugInError(f"attack {kind} has no {missing}, expected init and step")
+    taken = [name for name in found.model_fields if name in _KEYS_OF_ALL]
+    if taken:
+        raise PlugInError(f"attack {kind} has a parameter {taken[0]}, which is a key of every attack: rename it")
+    return found
+
+
+FALSIFICATIONS: Kinds[type[Attack]] = Kinds(GROUP, SHIPPED, checked_attack)

@@ -4,16 +4,17 @@ from collections.abc import Mapping
 
 from pydantic import ValidationError
 
-from dgu_sim.attacks.falsifications import FALSIFICATIONS
+from dgu_sim.attacks.falsifications import GROUP, SHIPPED, checked_attack
 from dgu_sim.attacks.protocol import Attack
 from dgu_sim.attacks.spoof import Spoof
-from dgu_sim.errors import AttackError
+from dgu_sim.errors import AttackError, PlugInError
 from dgu_sim.explain import explain
+from dgu_sim.plugins import Kinds
 from dgu_sim.suggestions import meant
 
 __all__ = ["KINDS", "build_attack", "expected_class", "known_kind"]
 
-KINDS: Mapping[str, type[Attack]] = {**FALSIFICATIONS, "spoof": Spoof}
+KINDS: Kinds[type[Attack]] = Kinds(GROUP, {**SHIPPED, "spoof": Spoof}, checked_attack)
 
 
 def expected_class(kind: str) -> str:
@@ -25,11 +26,14 @@ def known_kind(kind: str) -> type[Attack]:
     """Return the attack class of a name.
 
     Raises:
-        AttackError: There is none; the message lists the known ones.
+        AttackError: There is none, and the message lists the known ones; or it is of a plug-in that cannot be used.
     """
     if kind not in KINDS:
         raise AttackError(f"kind = {kind!r}: {expected_class(kind)}")
-    return KINDS[kind]
+    try:
+        return KINDS[kind]
+    except PlugInError as error:
+        raise AttackError(str(error)) from error
 
 
 def build_attack(kind: str, parameters: Mapping[str, object]) -> Attack:

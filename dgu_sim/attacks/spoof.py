@@ -9,6 +9,7 @@ from pydantic import AfterValidator, Field
 from dgu_sim.attacks.context import AttackContext
 from dgu_sim.attacks.falsifications import FALSIFICATIONS
 from dgu_sim.attacks.protocol import Attack
+from dgu_sim.errors import PlugInError
 from dgu_sim.explain import part_of
 from dgu_sim.grid import Link
 from dgu_sim.model import finding
@@ -19,10 +20,16 @@ __all__ = ["Spoof"]
 
 def _inner(falsify: Mapping[str, object]) -> Attack:
     kind = falsify.get("kind")
-    if kind not in FALSIFICATIONS:
+    try:
+        attack = FALSIFICATIONS[str(kind)]
+    except PlugInError as error:
+        raise finding(("kind",), kind, str(error)) from error
+    except KeyError:
+        attack = None
+    if attack is None or attack.publishes:
         expected = f"expected what the messages say, one of {', '.join(FALSIFICATIONS)}"
         raise finding(("kind",), kind, expected)
-    return part_of(FALSIFICATIONS[str(kind)], {key: value for key, value in falsify.items() if key != "kind"})
+    return part_of(attack, {key: value for key, value in falsify.items() if key != "kind"})
 
 
 def _checked(falsify: dict[str, object]) -> dict[str, object]:

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from monitor.detectors import calibrated, chi_squared, cusum, fixed, n_of_m, noise_bound
-from monitor.options import check_kind, parse_options, within
+from monitor.errors import PlugInError
+from monitor.options import known_kind, parse_options, within
+from monitor.plugins import Kinds
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -15,6 +17,8 @@ if TYPE_CHECKING:
     from pydantic.fields import FieldInfo
 
     from monitor.detectors.protocol import Detector
+
+GROUP = "dcmg.detectors"
 
 
 @dataclass(frozen=True, slots=True)
@@ -40,8 +44,7 @@ def build(kind: str, options: Mapping[str, object], sampling_period_sec: float) 
     Raises:
         MonitorError: unknown kind or option.
     """
-    check_kind("detector", kind, KINDS)
-    return KINDS[kind](options, sampling_period_sec)
+    return known_kind("detector", kind, KINDS)(options, sampling_period_sec)
 
 
 def filled_in(kind: object, options: Mapping[str, object]) -> dict[str, object]:
@@ -50,8 +53,7 @@ def filled_in(kind: object, options: Mapping[str, object]) -> dict[str, object]:
     Raises:
         OptionError: unknown kind or option, or a value that does not fit.
     """
-    check_kind("detector", str(kind), KINDS)
-    made = KINDS[str(kind)]
+    made = known_kind("detector", str(kind), KINDS)
     if not isinstance(made, Kind):
         return dict(options)
     parse_options(made.options, options, str(kind))
@@ -75,7 +77,7 @@ def attack_free_sec(options: Mapping[str, object]) -> float:
     return own + (attack_free_sec(inner) if isinstance(inner, Mapping) else 0.0)
 
 
-KINDS: dict[str, Callable[[Mapping[str, object], float], Detector[Any]]] = {
+_SHIPPED: Mapping[str, Callable[[Mapping[str, object], float], Detector[Any]]] = {
     fixed.KIND: Kind(fixed.FixedOptions, fixed.build),
     noise_bound.KIND: Kind(noise_bound.NoiseBoundOptions, noise_bound.build),
     chi_squared.KIND: Kind(chi_squared.ChiSquaredOptions, chi_squared.build),
@@ -84,3 +86,13 @@ KINDS: dict[str, Callable[[Mapping[str, object], float], Detector[Any]]] = {
     calibrated.KIND: Kind(calibrated.CalibratedOptions, calibrated.build),
 }
 """How each kind is built: one line for a new one."""
+
+
+def _checked(kind: str, found: object) -> Kind:
+    if not isinstance(found, Kind):
+        raise PlugInError(f"{kind} is {found!r}, expected a monitor.detectors.Kind(options, build)")
+    return found
+
+
+KINDS: Kinds[Callable[[Mapping[str, object], float], Detector[Any]]] = Kinds(GROUP, _SHIPPED, _checked)
+"""All kinds: ours, and those of installed packages (docs/plugins.md)."""

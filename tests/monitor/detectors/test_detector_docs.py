@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import pytest
 
-from monitor.detectors import KINDS, build
+from monitor.detectors import KINDS, build, registry
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -39,8 +39,7 @@ def test_worked_example_is_one_file_and_one_line(
     monkeypatch.setitem(sys.modules, "sudden", module)  # dataclasses look their module up
     exec(compile(file, "sudden.py", "exec"), module.__dict__)  # noqa: S102 - the page's own code
     added: dict[str, Any] = eval(f"{{{line}}}", {"sudden": module})  # noqa: S307 - idem
-    for kind, builder in added.items():
-        monkeypatch.setitem(KINDS, kind, builder)
+    monkeypatch.setattr(registry, "KINDS", {**KINDS, **added})
     detector: Detector[Any] = build("sudden", {"jump": 0.5, "settle_sec": 0.1}, 0.01)
     residuals = np.zeros((40, 3, 1))
     residuals[20:, 1] = 1.0

@@ -169,7 +169,7 @@ class _Builder:
 
     def _recorder(self) -> Ports:
         writer = open_recording(self._options.out / BAG, self._wiring.topics.all, self._options.recording)
-        attach_origin(writer, self._scenario, host_facts())
+        attach_origin(writer, self._scenario, host_facts(), by_hand=True)
         stall_sec = _patience(self._scenario, self._options).stall_sec
         node = RecorderNode(self._wiring, self._host, writer, self._scenario.steps, stall_sec)
         self._stack.callback(node.close)

@@ -1,0 +1,1 @@
+"""An attack and a detector for dcmg."""
