@@ -3,6 +3,7 @@
 from bags.study.cells import StudyCell, cells_of, check_designs
 from bags.study.dataset import tables_of
 from bags.study.errors import StudyError
+from bags.study.plan import Plan, plan_of
 from bags.study.pool import LocalPool, Pool
 from bags.study.run import run_study
 from bags.study.settings import Study, load_study
@@ -12,6 +13,7 @@ __all__ = [
     "Comparison",
     "LocalPool",
     "OperatingPoint",
+    "Plan",
     "Pool",
     "Study",
     "StudyCell",
@@ -21,6 +23,7 @@ __all__ = [
     "compare",
     "load_study",
     "operating_points",
+    "plan_of",
     "run_study",
     "tables_of",
 ]

@@ -22,7 +22,7 @@ from monitor import observers
 from monitor.errors import HistoryError, MonitorError, OptionError
 from monitor.settings import DetectorSettings
 
-_FORMAT = 1  # of the rows; another one makes kept cells worthless
+_FORMAT = 2  # of the rows; another one makes kept cells worthless
 _MOST_SEEDS = 8  # of a cell: more are hardly cheaper each, and fewer cells keep fewer cores busy
 _MOST_SAMPLES = 1_500_000  # of a cell, on all links in all of its runs: some 250 MB
 _AT_ONCE = DetectorSettings(options={"settle_sec": 0.0, "calibrate_sec": 0.0})  # learns nothing
@@ -39,6 +39,7 @@ class StudyCell:
         observer: The observer.
         detectors: The detectors.
         seeds: Seeds of the runs.
+        digest: Of the scenarios: there may be thousands of cells, and a dump of all of them takes a tenth of a second.
     """
 
     study: str
@@ -47,6 +48,7 @@ class StudyCell:
     observer: StudyObserver
     detectors: tuple[StudyDetector, ...]
     seeds: tuple[int, ...]
+    digest: str
 
     @property
     def key(self) -> str:
@@ -54,12 +56,12 @@ class StudyCell:
         document = {
             "format": _FORMAT,
             "condition": self.condition,
-            "scenarios": {attack: scenario.to_yaml() for attack, scenario in self.scenarios.items()},
+            "scenarios": self.digest,
             "observer": self.observer.model_dump(mode="json"),
             "detectors": [one.model_dump(mode="json") for one in self.detectors],
             "seeds": self.seeds,
         }
-        return hashlib.sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()[:24]
+        return _digest(document)
 
 
 def cells_of(study: Study, source: str, scenario_path: Callable[[str], Path]) -> tuple[StudyCell, ...]:
@@ -85,6 +87,7 @@ def cells_of(study: Study, source: str, scenario_path: Callable[[str], Path]) ->
         except ScenarioError as error:
             raise StudyError(f"{source}: conditions.{position}.set: {error}") from error
         scenarios = {NO_ATTACK: base, **_attacked(study, base, source)}
+        digest = _digest({attack: scenario.to_yaml() for attack, scenario in scenarios.items()})
         cells += [
             StudyCell(
                 study=study.name,
@@ -93,6 +96,7 @@ def cells_of(study: Study, source: str, scenario_path: Callable[[str], Path]) ->
                 observer=observer,
                 detectors=study.detectors,
                 seeds=seeds,
+                digest=digest,
             )
             for observer in study.observers
             for seeds in _seed_blocks(study, scenarios)
@@ -124,6 +128,10 @@ def check_designs(study: Study, cells: Sequence[StudyCell], source: str) -> None
             for value in detector.points:
                 with _said_of(source, "detector", f"detectors.{number}"):
                     designs.judged_by(detector.at(value)).check_start()
+
+
+def _digest(document: object) -> str:
+    return hashlib.sha256(json.dumps(document, sort_keys=True).encode()).hexdigest()[:24]
 
 
 @contextmanager

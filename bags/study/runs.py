@@ -2,7 +2,6 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, fields
-from itertools import groupby
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -14,6 +13,9 @@ from bags.study.settings import NO_ATTACK
 
 IMPACTS = ("mean_voltage_until_alarm_v", "mean_voltage_v", "sharing_until_alarm", "sharing")
 """Columns with one value for a whole run."""
+_KEYS = ("condition", "observer", "detector", "swept")
+RUN_BYTES = 8 * (4 + len(IMPACTS)) + 3
+"""Memory of a run in `Runs`: numbers and flags."""
 
 Pair: TypeAlias = tuple[str, str]
 """Condition and observer."""
@@ -68,21 +70,30 @@ def runs_of(table: pa.Table) -> Iterator[tuple[Pair, dict[Detecting, Runs]]]:
         StudyError: Some rows of a run are missing.
     """
     columns = {name: table.column(name).to_numpy(zero_copy_only=False) for name in table.column_names}
-    pairs = list(zip(columns["condition"], columns["observer"], strict=True))
-    swept = [None if np.isnan(value) else float(value) for value in columns["swept"]]
-    detecting = list(zip(columns["detector"], swept, strict=True))
-    for pair, rows in groupby(range(len(pairs)), key=pairs.__getitem__):
-        found: dict[Detecting, list[int]] = {}
-        for row in rows:
-            found.setdefault(detecting[row], []).append(row)
-        yield pair, {key: _runs({name: one[mine] for name, one in columns.items()}) for key, mine in found.items()}
+    found: dict[Pair, dict[Detecting, Runs]] = {}
+    for rows in _groups([table.column(name) for name in _KEYS]):
+        condition, observer, detector, swept = (table.column(name)[int(rows[0])].as_py() for name in _KEYS)
+        runs = _runs({name: one[rows] for name, one in columns.items() if name not in _KEYS})
+        found.setdefault((condition, observer), {})[detector, swept] = runs
+    yield from found.items()
+
+
+def _groups(keys: Sequence[pa.ChunkedArray]) -> list[NDArray[np.intp]]:
+    """Rows of each combination of keys, in the order of their appearance."""
+    combined = np.zeros(len(keys[0]), dtype=np.int64)
+    for key in keys:
+        codes = key.combine_chunks().dictionary_encode(null_encoding="encode").indices.to_numpy(zero_copy_only=False)
+        combined = combined * (int(codes.max(initial=0)) + 1) + codes
+    _, first, counts = np.unique(combined, return_index=True, return_counts=True)
+    rows = np.split(np.argsort(combined, kind="stable"), np.cumsum(counts)[:-1])
+    return [rows[group] for group in np.argsort(first)] if len(combined) else []
 
 
 def _runs(rows: Mapping[str, NDArray[Any]]) -> Runs:
     """Put the rows of one observer and one setting of one detector on axes: attacks, seeds, links."""
     attacks, seeds = tuple(dict.fromkeys(rows["attack"])), tuple(dict.fromkeys(rows["seed"]))
     numbers = {attack: number for number, attack in enumerate(attacks)}
-    order = np.lexsort((rows["seed"], np.array([numbers[attack] for attack in rows["attack"]])))
+    order = np.lexsort((rows["seed"], np.fromiter(map(numbers.__getitem__, rows["attack"]), dtype=np.int64)))
     links, odd = divmod(len(order), len(attacks) * len(seeds))
     if odd or NO_ATTACK not in numbers:
         raise StudyError(

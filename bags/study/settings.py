@@ -106,7 +106,7 @@ class Study(Frozen):
     question: str = Field(default="", description="What the study answers.")
     scenario: str = Field(description="Name of a shipped scenario, or path of one beside the study file.")
     set: tuple[str, ...] = Field(default=(), description='Changes of the scenario in all conditions, "a.b=value" each.')
-    seeds: int = Field(default=10, ge=1, le=10_000, description="How many seeds: runs of each combination.")
+    seeds: int = Field(default=10, ge=1, le=100_000, description="How many seeds: runs of each combination.")
     first_seed: int = Field(default=1, ge=0, description="The first one; they are consecutive.")
     attack_start_sec: Number = Field(gt=0, description="Time of the first affected sample [s].")
     attack_stop_sec: Number | None = Field(

@@ -51,6 +51,16 @@ Dask = Annotated[
         show_default=False,
     ),
 ]
+Planned = Annotated[
+    int | None,
+    typer.Option(
+        "--plan",
+        min=1,
+        metavar="WORKERS",
+        help="compute one cell of each kind, and tell what all would cost on so many workers",
+        show_default=False,
+    ),
+]
 Set = Annotated[
     list[str] | None,
     typer.Option("--set", metavar="A.B=VALUE", help="change one key of the study; repeatable", show_default=False),
@@ -65,6 +75,7 @@ def study(
     seeds: Seeds = None,
     workers: Workers = None,
     dask: Dask = None,
+    plan: Planned = None,
     set_: Set = None,
     json: Annotated[bool, typer.Option("--json", help="print the comparison as one JSON document")] = False,
 ) -> None:
@@ -98,6 +109,9 @@ def study(
 
     cells = cells_of(loaded, str(path), find)
     check_designs(loaded, cells, str(path))
+    if plan is not None:
+        _show_plan(cells, plan, json=json)
+        return
     folder = out or Path("out") / f"study-{loaded.name}"
     with _pool(workers, dask) as pool:
         table = _run(cells, folder, pool, quiet=json)
@@ -115,6 +129,16 @@ def study(
     _show(loaded.question, comparisons, loaded.false_alarm_limit)
     for one in paths:
         typer.echo(one)
+
+
+def _show_plan(cells: Sequence[StudyCell], workers: int, *, json: bool) -> None:
+    from bags.study import plan_of  # noqa: PLC0415 (pyarrow takes its time)
+
+    rows = list(plan_of(cells).rows(workers))
+    if json:
+        typer.echo(json_module.dumps(dict(rows)))
+        return
+    Console().print(tabulate(("what", "measured here"), rows, numbers={"measured here"}))
 
 
 @contextmanager

@@ -12,8 +12,21 @@ import pyarrow.dataset
 import pytest
 from pyarrow import parquet
 
-from bags.study import LocalPool, StudyCell, StudyError, compare, operating_points, run_study, tables_of
+from bags.study import (
+    LocalPool,
+    Study,
+    StudyCell,
+    StudyError,
+    cells_of,
+    compare,
+    operating_points,
+    plan_of,
+    run_study,
+    tables_of,
+)
 from bags.study.evaluate import SCHEMA, evaluate
+from bags.study.parts import as_part
+from dcmg.shipped import scenario_path
 from tests.bags.study.trees import bytes_of
 
 
@@ -108,3 +121,15 @@ def test_a_file_in_the_place_of_the_table_is_refused(short: tuple[StudyCell, ...
     (tmp_path / "table").write_text("mine")
     with pytest.raises(StudyError, match="table: is no folder, expected"):
         run_study(short[:1], tmp_path, LocalPool(1))
+
+
+def test_a_plan_counts_what_is_done(cells: tuple[StudyCell, ...], tiny: Study) -> None:
+    """Cells, run-steps and bytes are those of the study, and twice the seeds have twice the steps."""
+    plan = plan_of(cells)
+    rows = dict(plan.rows(2))
+    assert (rows["cells"], plan.run_steps) == ("2", 2 * 3 * 4 * 400)
+    assert plan.table_bytes == sum(len(as_part(one.key, evaluate(one))) for one in cells)
+    assert 0.0 < plan.collector_sec < plan.worker_sec
+    twice = {"attacks": [{"name": one.name, **one.attack} for one in tiny.attacks], "seeds": 8}
+    more = cells_of(Study.model_validate({**tiny.model_dump(), **twice}), "tiny.yaml", scenario_path)
+    assert plan_of(more).run_steps == 2 * plan.run_steps
