@@ -9,6 +9,7 @@ import webbrowser
 from urllib.parse import urlencode
 
 import uvicorn
+from uvicorn.protocols.http.h11_impl import H11Protocol
 
 from dcmg.errors import CommandError
 from dcmg.page.app import Page
@@ -16,7 +17,20 @@ from dcmg.page.guard import Keys, is_loopback
 from dcmg.page.source import Driver
 
 _MESSAGE_BYTES, _CONNECTIONS = 64 * 1024, 128
+_SILENT_SEC = 5.0
 _SWITCH_SEC = 0.001  # the clock's thread does not wait long for the server's
+
+
+class _Impatient(H11Protocol):
+    """Closes connections on which nobody has asked for anything within some seconds: they keep others out."""
+
+    def connection_made(self, transport: asyncio.Transport) -> None:  # type: ignore[override]
+        super().connection_made(transport)
+        self.loop.call_later(_SILENT_SEC, self._give_up)
+
+    def _give_up(self) -> None:
+        if self in self.connections and self.cycle is None:  # a socket that was upgraded is not there any more
+            self.transport.close()
 
 
 def serve(pace: Driver, host: str, port: int, *, browser: bool) -> None:
@@ -44,6 +58,7 @@ def serve(pace: Driver, host: str, port: int, *, browser: bool) -> None:
         log_level=logging.CRITICAL,
         access_log=False,
         lifespan="off",
+        http=_Impatient,
         ws="websockets-sansio",
         ws_max_size=_MESSAGE_BYTES,
         ws_per_message_deflate=False,
