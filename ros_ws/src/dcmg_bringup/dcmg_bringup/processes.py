@@ -26,7 +26,7 @@ from dcmg.errors import CommandError
 from dcmg_bringup.interruptions import end_by_signals, held_back
 from dcmg_bringup.reaper import Reaper
 from dcmg_nodes.options import GATE
-from dcmg_nodes.wiring import RECORDER_NODE, wiring_of
+from dcmg_nodes.wiring import RECORDER_NODE
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping, Sequence
@@ -244,7 +244,7 @@ def _gate_process(parent: int, reaper: Reaper, log: Path, scenario: Scenario, op
     _stand_alone(reaper, log, f"dcmg {GATE} {options.folder}")
     from dcmg_nodes.gate import run_gate  # noqa: PLC0415 (imports rclpy, which must follow the fork)
 
-    run_gate(wiring_of(scenario), options)
+    run_gate(scenario, options)
 
 
 def _stand_alone(reaper: Reaper, log: Path, title: str) -> None:

@@ -12,6 +12,8 @@ from rclpy.executors import ExternalShutdownException, SingleThreadedExecutor
 from dcmg_nodes.attack_services import LIST_SERVICE, START_SERVICE, STOP_SERVICE
 
 if TYPE_CHECKING:
+    from collections.abc import Iterable
+
     from rclpy.client import Client
     from rclpy.node import Node
 
@@ -25,10 +27,11 @@ class Errands:
 
     Args:
         inner: node in the run's own domain; somebody else spins it.
-        face: node in the public domain; nobody else may spin it.
+        face: node in the public domain that offers the services.
+        faces: all nodes there, this one included, whose parameters are served, too; nobody else may spin them.
     """
 
-    def __init__(self, inner: Node, face: Node) -> None:
+    def __init__(self, inner: Node, face: Node, faces: Iterable[Node]) -> None:
         """Offer the services, and start to serve."""
         self._face = face
         self._over = threading.Event()
@@ -37,7 +40,8 @@ class Errands:
             client = inner.create_client(kind, name)
             self._services.append(face.create_service(kind, name, partial(self._carry, client)))
         self._executor = SingleThreadedExecutor(context=face.context)
-        self._executor.add_node(face)
+        for one in faces:
+            self._executor.add_node(one)
         self._thread = threading.Thread(target=self._serve, name="errands", daemon=True)
         self._thread.start()
 

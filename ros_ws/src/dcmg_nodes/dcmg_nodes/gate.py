@@ -23,18 +23,20 @@ from bags.wire.schema import ATTACKER_NODE
 from dcmg_nodes.errands import Errands
 from dcmg_nodes.executor import make_executor, spin_until
 from dcmg_nodes.farewell import destroy
+from dcmg_nodes.herald import Herald
 from dcmg_nodes.lifetime import Lifetime
 from dcmg_nodes.mirror import Mirror
 from dcmg_nodes.options import GATE, ExecutorKind
 from dcmg_nodes.outside import EARS_NODE, Outside
+from dcmg_nodes.particulars import tell
 from dcmg_nodes.ports import CONTROL_QOS
 from dcmg_nodes.public import public_topics
 from dcmg_nodes.ros_arguments import ros_arguments
-from dcmg_nodes.wiring import END
+from dcmg_nodes.wiring import END, wiring_of
 
 if TYPE_CHECKING:
     from dcmg_nodes.options import GateOptions
-    from dcmg_nodes.wiring import Wiring
+    from dgu_sim.scenario import Scenario
 
 _SIGNAL_CHECK_SEC = 0.1
 _LAST_SEC = 0.2
@@ -42,8 +44,9 @@ _MOST_LAST = 10
 _INNER_NODE = "dcmg_gate"
 
 
-def run_gate(wiring: Wiring, options: GateOptions) -> None:
+def run_gate(scenario: Scenario, options: GateOptions) -> None:
     """Keep the gate until the run ends."""
+    wiring = wiring_of(scenario)
     os.environ["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(options.profile or resources.files("dcmg_nodes") / "gate.xml")
     lifetime = Lifetime((GATE,))
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -53,13 +56,16 @@ def run_gate(wiring: Wiring, options: GateOptions) -> None:
         inner = _node(_INNER_NODE, options.inner, stack)
         os.environ["ROS_STATIC_PEERS"] = ""
         face_context = _context(options.public, stack)
-        faces = {name: _node_in(name, face_context, stack) for name in wiring.nodes}
-        ears = _node(EARS_NODE, options.public, stack)
+        faces = {name: _node_in(name, face_context, stack, told=True) for name in wiring.nodes}
+        for face in faces.values():
+            tell(face, scenario)
+        ears = _node(EARS_NODE, options.public, stack, told=True)
         topics = public_topics(wiring)
         outside = Outside(ears, topics, options.folder)
         mirror = Mirror(inner, faces, topics)
-        errands = Errands(inner, faces[ATTACKER_NODE])
+        errands = Errands(inner, faces[ATTACKER_NODE], faces.values())
         stack.callback(errands.close)
+        herald = Herald(inner, faces, wiring)
         end = inner.create_subscription(RunEnd, END, lambda _: lifetime.leave(GATE), CONTROL_QOS)
         inner.create_timer(_SIGNAL_CHECK_SEC, lambda: None)  # Python sees signals between callbacks only
         executor = make_executor(ExecutorKind.EVENTS, inner)
@@ -74,6 +80,7 @@ def run_gate(wiring: Wiring, options: GateOptions) -> None:
         outside.look()
         mirror.settle(Duration(seconds=_LAST_SEC))
         inner.destroy_subscription(end)
+        herald.close()
 
 
 def _context(domain: int, stack: ExitStack) -> rclpy.Context:
@@ -83,11 +90,12 @@ def _context(domain: int, stack: ExitStack) -> rclpy.Context:
     return context
 
 
-def _node(name: str, domain: int, stack: ExitStack) -> Node:
-    return _node_in(name, _context(domain, stack), stack)
+def _node(name: str, domain: int, stack: ExitStack, *, told: bool = False) -> Node:
+    return _node_in(name, _context(domain, stack), stack, told=told)
 
 
-def _node_in(name: str, context: rclpy.Context, stack: ExitStack) -> Node:
-    node = Node(name, context=context, enable_rosout=False, start_parameter_services=False)
+def _node_in(name: str, context: rclpy.Context, stack: ExitStack, *, told: bool) -> Node:
+    """Make a node; one that is `told` has parameters and a place on /rosout."""
+    node = Node(name, context=context, enable_rosout=told, start_parameter_services=told)
     stack.callback(destroy, node, 0)
     return node
