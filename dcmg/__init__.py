@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from bags.runs.run_record import RunRecord
     from bags.watch.scenarios import parse_scenario
     from dcmg.api.data import design, detector, history, run_detector, run_observer
+    from dcmg.api.figures import plot, save_figure
     from dcmg.api.runs import dataset, open_run, read_run, replay, report, simulate
     from dcmg.api.scenarios import load_scenario
     from dcmg.errors import CommandError
@@ -62,11 +63,13 @@ __all__ = [
     "matched",
     "open_run",
     "parse_scenario",
+    "plot",
     "read_run",
     "replay",
     "report",
     "run_detector",
     "run_observer",
+    "save_figure",
     "shipped_scenarios",
     "simulate",
 ]
@@ -77,6 +80,7 @@ _NAMES = {
     "bags.runs.reader": ("Run",),
     "bags.runs.run_record": ("RunRecord",),
     "dcmg.api.data": ("design", "detector", "history", "run_detector", "run_observer"),
+    "dcmg.api.figures": ("plot", "save_figure"),
     "dcmg.api.runs": ("dataset", "open_run", "read_run", "replay", "report", "simulate"),
     "dcmg.api.scenarios": ("load_scenario",),
     "dcmg.errors": ("CommandError",),

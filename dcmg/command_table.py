@@ -51,6 +51,7 @@ COMMANDS: Sequence[Command | Group] = (
     _ros("host", "Wait on this machine for `dcmg run --hosts` of another, and run nodes for it.", _RUN),
     _here("study", "Run seeds x attacks x observers x detectors offline, and compare them.", _RUN),
     _here("report", "Measure a run: detection, false alarms, ROC, isolation, impact, with intervals.", _LOOK),
+    _here("plot", "Draw a run for a paper: vector graphics, column width, fonts embedded.", _LOOK),
     _here("explain", "Say why there was, or was no, alarm on a link at a moment.", _LOOK),
     _here("compare", "Put runs side by side: each attack's delay, false alarms, and what watched.", _LOOK),
     _here("reproduce", "Run a bag's scenario again and say whether every message is the same, bit for bit.", _LOOK),

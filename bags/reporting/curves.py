@@ -9,6 +9,7 @@ from bags.reporting.fold import Envelope
 from bags.runs.run_record import RunRecord
 from monitor.measures import score
 
+FLOOR = 1e-16  # rounding of double precision: smaller residuals are drawn here
 _MOST_NUMBERS = 400_000  # of all curves together: about 3 MB of the page
 _MOST_POINTS, _FEWEST_POINTS = 1000, 100  # stretches of a curve
 
@@ -38,14 +39,14 @@ class Curves:
     inputs: Envelope
 
     @classmethod
-    def empty(cls, run: RunRecord, steps: int) -> "Curves":
-        """Before the first window of a run."""
+    def empty(cls, run: RunRecord, steps: int, first_step: int = 0) -> "Curves":
+        """Before the first window of a run: curves over so many steps from `first_step` on."""
         dgus, links, monitors = len(run.topics.dgus), len(run.links), len(run.topics.monitors)
         n, p, applied = run.topics.widths.states, run.topics.widths.outputs, run.topics.widths.applied
         length = stretch_length(steps, (n + 1) * dgus + (2 * p + 1) * links)
 
         def curve(*shape: int) -> Envelope:
-            return Envelope.empty(steps, length, *shape)
+            return Envelope.empty(steps, length, *shape, first_step=first_step)
 
         return cls(
             x=curve(dgus, n),
@@ -86,3 +87,12 @@ def stretch_length(steps: int, curves: int) -> int:
     """Steps of each stretch of which only the extremes are drawn."""
     points = min(max(_MOST_NUMBERS // max(2 * curves, 1), _FEWEST_POINTS), _MOST_POINTS)
     return 1 if steps <= 2 * points else -(-steps // points)
+
+
+def log_range(residual: NDArray[np.float64], threshold: NDArray[np.float64]) -> tuple[float, float]:
+    """Limits of a logarithmic axis for residuals and their thresholds."""
+    numbers = np.concatenate([residual.ravel(), threshold.ravel()])
+    numbers = numbers[np.isfinite(numbers)]
+    positive = numbers[numbers > FLOOR]
+    bottom = float(np.quantile(positive, 0.02)) if positive.size else FLOOR
+    return max(bottom / 3.0, FLOOR / 3.0), max(float(numbers.max(initial=1e-3)), FLOOR) * 8.0

@@ -11,13 +11,13 @@ from bokeh.plotting import figure
 from numpy.typing import NDArray
 
 from bags.reporting.assessment import IMPACTS, Assessment
+from bags.reporting.curves import FLOOR, log_range
 from bags.reporting.fold import Envelope
 from bags.reporting.look import ALERT, COLOURS, INK, MUTED, frame, hover, legend, look, shade
 from bags.reporting.timeline import MOST_PANELS, Timeline
 
 COMPONENTS: Final = ("V [V]", "I_t [A]", "v [V s]")
 _MOST_INPUTS: Final = 6
-_FLOOR: Final = 1e-16  # rounding of double precision: smaller residuals are drawn here
 _DECADES: Final = (-3.0, 2.0)  # of the score in the overview
 
 
@@ -152,7 +152,7 @@ def _residuals(timeline: Timeline, assessment: Assessment, time: Range1d) -> lis
     """Residuals against thresholds, one panel a link."""
     shown = timeline.telling()
     residual, threshold = timeline.curves.residual, timeline.curves.threshold
-    limits = _range(residual.high[:, shown], threshold.high[:, shown])
+    limits = log_range(residual.high[:, shown], threshold.high[:, shown])
     value = Range1d(start=limits[0], end=limits[1])
     times = residual.starts(timeline.period_sec)
     outputs = residual.high.shape[-1]
@@ -169,7 +169,7 @@ def _residuals(timeline: Timeline, assessment: Assessment, time: Range1d) -> lis
         if design is not None and not design.accepted:
             plot.title.text, plot.title.text_color = f"{name}   not monitored", MUTED
         for part, label in enumerate(labels):
-            line = np.maximum(residual.high[:, position, part], _FLOOR)
+            line = np.maximum(residual.high[:, position, part], FLOOR)
             _line(plot, times, line, label, color=COLOURS[part % len(COLOURS)])
         for colour, line in _thresholds(threshold.high[:, position]):
             _line(plot, times, line, "threshold", color=colour, line_dash="dashed")
@@ -215,14 +215,6 @@ def _line(plot: figure, x: NDArray[Any], y: NDArray[Any], name: str, **look_of: 
 def _arrow(timeline: Timeline, position: int) -> str:
     link = timeline.run.links[position]
     return f"{link.source} → {link.target}"
-
-
-def _range(residual: NDArray[np.float64], threshold: NDArray[np.float64]) -> tuple[float, float]:
-    numbers = np.concatenate([residual.ravel(), threshold.ravel()])
-    numbers = numbers[np.isfinite(numbers)]
-    positive = numbers[numbers > _FLOOR]
-    bottom = float(np.quantile(positive, 0.02)) if positive.size else _FLOOR
-    return max(bottom / 3.0, _FLOOR / 3.0), max(float(numbers.max(initial=1e-3)), _FLOOR) * 8.0
 
 
 def _diverging() -> list[str]:

@@ -34,29 +34,34 @@ class Envelope:
     """Smallest and largest value of some curves in each stretch: thinned so that no spike is lost.
 
     Attributes:
+        first_step: Step at which the first stretch begins; what comes before it, or behind the last, is left out.
         length: Steps of a stretch.
         low: Shape (stretches, ...).
         high: Shape (stretches, ...).
     """
 
+    first_step: int = 0
     length: int
     low: NDArray[np.float64]
     high: NDArray[np.float64]
 
     @classmethod
-    def empty(cls, steps: int, length: int, *shape: int) -> "Envelope":
+    def empty(cls, steps: int, length: int, *shape: int, first_step: int = 0) -> "Envelope":
         """Before the first window."""
         low = np.full((stretches_of(steps, length), *shape), np.nan)
-        return cls(length=length, low=low, high=low.copy())
+        return cls(first_step=first_step, length=length, low=low, high=low.copy())
 
     def add(self, values: NDArray[np.float64], first_step: int) -> None:
-        """Take the steps of a window."""
-        fold(self.low, values, first_step, self.length, np.fmin)
-        fold(self.high, values, first_step, self.length, np.fmax)
+        """Take the steps of a window, as far as they lie within."""
+        start = first_step - self.first_step
+        end = len(self.low) * self.length - start
+        mine = values[max(-start, 0) : max(end, 0)]
+        fold(self.low, mine, max(start, 0), self.length, np.fmin)
+        fold(self.high, mine, max(start, 0), self.length, np.fmax)
 
     def starts(self, period_sec: float) -> NDArray[np.float64]:
         """First instant of each stretch [s]."""
-        return np.arange(len(self.low), dtype=np.float64) * (self.length * period_sec)
+        return (self.first_step + np.arange(len(self.low), dtype=np.float64) * self.length) * period_sec
 
     def times(self, period_sec: float) -> NDArray[np.float64]:
         """Instants of the points of `line` [s]."""

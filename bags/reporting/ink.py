@@ -30,11 +30,11 @@ def look(position: int) -> tuple[str, tuple[float, tuple[float, ...]]]:
     return COLOURS[position % len(COLOURS)], DASHES[(position + position // len(COLOURS)) % len(DASHES)]
 
 
-def prepare(axes: Axes) -> None:
-    """Give axes their looks."""
+def prepare(axes: Axes, *, size: float = 8.0) -> None:
+    """Give axes their looks, with ticks written in `size` points."""
     axes.grid(visible=True, color="#dddddd", linewidth=0.6)
     axes.set_axisbelow(True)
-    axes.tick_params(colors=MUTED, labelsize=8)
+    axes.tick_params(colors=MUTED, labelsize=size)
     for side in ("top", "right"):
         axes.spines[side].set_visible(False)
     for side in ("left", "bottom"):

@@ -12,17 +12,16 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
-from bags.reporting.ink import ALERT, ALERT_SHADE, BUSY, INK, MUTED, look, prepare
+from bags.reporting.ink import ALERT, ALERT_SHADE, INK, look, prepare
 from bags.reporting.judged import AttackRow, Judged
+from bags.reporting.panels import LEAST, draw_score, score_handles, shade
 from bags.reporting.team_picture import draw_team
 from bags.reporting.timeline import Timeline
-from monitor.detectors import Phase
 
 _PANELS_PER_ROW: Final = 4
 _STATES = ("bus voltage $V$ [V]", "filter current $I_t$ [A]")
 _MOST_LABELS: Final = 6  # names of attacks that fit above the states
 _DPI: Final = 150
-_LEAST: Final = 1e-3  # scores below are as good as zero, and drawn here
 
 
 def draw(timeline: Timeline, judged: Judged, folder: Path | str) -> tuple[Path, ...]:
@@ -69,7 +68,7 @@ def draw_states(timeline: Timeline, judged: Judged) -> Figure:
         for position, line in enumerate(lines):
             colour, style = look(position)
             axes.plot(times, line, color=colour, linestyle=style, linewidth=1.3)
-        _shade(axes, [(row.attack.start_step, row.attack.stop_step) for row in rows], timeline)
+        shade(axes, [(row.attack.start_step, row.attack.stop_step) for row in rows], timeline)
     mean = curves.x.low[:, :, 0].mean(axis=1) / 2 + curves.x.high[:, :, 0].mean(axis=1) / 2
     panels[0].plot(curves.x.starts(timeline.period_sec), mean, color=INK, linewidth=2.4, alpha=0.5)
     _name_attacks(panels[0], rows)
@@ -123,9 +122,9 @@ def draw_residuals(timeline: Timeline, judged: Judged) -> Figure:
     for number, position in enumerate(shown):
         axes = grid[number // columns, number % columns]
         prepare(axes)
-        _panel(axes, timeline, judged, position)
-        axes.set_yscale("log")
-        axes.set_ylim(_LEAST / 1.5, largest * 4.0)
+        _title(axes, timeline, judged, position)
+        draw_score(axes, timeline, judged, position)
+        axes.set_ylim(LEAST / 1.5, largest * 4.0)
         axes.set_xlim(0.0, _end(timeline))
         axes.xaxis.set_major_locator(MaxNLocator(5))
     _legend(figure, grid, len(shown))
@@ -136,13 +135,7 @@ def draw_residuals(timeline: Timeline, judged: Judged) -> Figure:
 
 def _legend(figure: Figure, grid: np.ndarray, used: int) -> None:
     """Explain the marks: in the first free slot, or above the panels where there is none."""
-    handles: list[Line2D | Patch] = [
-        Line2D([], [], color=look(0)[0], linewidth=1.4, label="residual / threshold"),
-        Line2D([], [], color=INK, linewidth=1.0, linestyle="--", label="threshold: alarm above"),
-        Patch(color=BUSY, label="settles or calibrates"),
-        Patch(color=ALERT_SHADE, label="attack on this link"),
-        Line2D([], [], color=ALERT, marker="v", linestyle="", label="first alarm of an attack"),
-    ]
+    handles = score_handles()
     free = grid.flat[used:]
     if not len(free):
         figure.legend(handles=handles, loc="outside upper center", ncols=3, frameon=False, fontsize=9)
@@ -155,36 +148,15 @@ def _legend(figure: Figure, grid: np.ndarray, used: int) -> None:
             grid.flat[position - grid.shape[1]].tick_params(labelbottom=True)
 
 
-def _panel(axes: Axes, timeline: Timeline, judged: Judged, position: int) -> None:
-    row, intervals = judged.links[position], timeline.attack_intervals(timeline.run.links[position])
-    title = f"{row.link.source} → {row.link.target}"
-    if intervals:
-        axes.set_title(f"{title}   attacked", fontsize=9, fontweight="bold", color=ALERT)
-        for spine in axes.spines.values():
-            spine.set(color=ALERT, linewidth=1.4, visible=True)
-    else:
+def _title(axes: Axes, timeline: Timeline, judged: Judged, position: int) -> None:
+    link = judged.links[position].link
+    title = f"{link.source} → {link.target}"
+    if not timeline.attack_intervals(link):
         axes.set_title(title, fontsize=9, color=INK)
-    if not row.monitored:
-        axes.text(0.5, 0.5, "not monitored", transform=axes.transAxes, ha="center", color=MUTED, fontsize=9)
         return
-    score = timeline.curves.score
-    times = score.starts(timeline.period_sec)
-    busy = np.asarray(timeline.phase[:: score.length, position] != Phase.ARMED.value)
-    axes.fill_between(
-        times, 0.0, 1.0, where=busy, step="post", transform=axes.get_xaxis_transform(), color=BUSY, linewidth=0
-    )
-    _shade(axes, intervals, timeline)
-    axes.axhline(1.0, color=INK, linewidth=1.0, linestyle="--")
-    axes.plot(times, np.maximum(score.high[:, position], _LEAST), color=look(0)[0], linewidth=1.0)
-    for episode in row.episodes:
-        if episode.alarm_step is not None:
-            at = episode.alarm_step * timeline.period_sec
-            axes.plot([at], [0.93], color=ALERT, marker="v", markersize=7, transform=axes.get_xaxis_transform())
-
-
-def _shade(axes: Axes, intervals: Sequence[tuple[int, int]], timeline: Timeline) -> None:
-    for start, stop in sorted(set(intervals)):
-        axes.axvspan(start * timeline.period_sec, stop * timeline.period_sec, color=ALERT_SHADE, linewidth=0, zorder=0)
+    axes.set_title(f"{title}   attacked", fontsize=9, fontweight="bold", color=ALERT)
+    for spine in axes.spines.values():
+        spine.set(color=ALERT, linewidth=1.4, visible=True)
 
 
 def _end(timeline: Timeline) -> float:

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from bags.mcap.yaml_text import load
 from bags.reporting.alarm_sources import MAIN, SOURCES, VERDICT
 from bags.reporting.attacks import Attack, attacks_of
-from bags.reporting.curves import Curves
+from bags.reporting.curves import Curves, stretch_length
 from bags.reporting.fold import fold, stretches_of
 from bags.reporting.options import DEFAULTS, ReportOptions
 from bags.reporting.team import TeamGatherer, TeamSummary
@@ -84,17 +84,23 @@ class Timeline:
         return sorted(order[:MOST_PANELS].tolist()) if count > MOST_PANELS else list(range(count))
 
 
-def gather(windows: Iterable[RunRecord], steps: int, options: ReportOptions = DEFAULTS) -> Timeline:
+def gather(
+    windows: Iterable[RunRecord],
+    steps: int,
+    options: ReportOptions = DEFAULTS,
+    drawn: tuple[int, int] | None = None,
+) -> Timeline:
     """Go through a run once.
 
     Args:
         windows: Its consecutive windows; at least one.
         steps: Its complete steps, in all windows together.
         options: Choices behind the measures.
+        drawn: Steps [start, stop) of the curves; None: all.
     """
     gatherer: _Gatherer | None = None
     for window in windows:
-        gatherer = gatherer or _Gatherer(window, steps, options)
+        gatherer = gatherer or _Gatherer(window, steps, options, drawn or (0, steps))
         gatherer.add(window)
         last = window
     assert gatherer is not None  # noqa: S101 - there is at least one window
@@ -104,7 +110,7 @@ def gather(windows: Iterable[RunRecord], steps: int, options: ReportOptions = DE
 class _Gatherer:
     """The arrays of a Timeline while its windows go by."""
 
-    def __init__(self, first: RunRecord, steps: int, options: ReportOptions) -> None:
+    def __init__(self, first: RunRecord, steps: int, options: ReportOptions, drawn: tuple[int, int]) -> None:
         period_sec = first.sampling_period_sec
         self.steps, links, dgus, n = steps, len(first.links), len(first.topics.dgus), first.topics.widths.states
         self.block_steps = options.block_steps(steps, period_sec)
@@ -123,8 +129,8 @@ class _Gatherer:
         self.impact = np.full((steps, 3), np.nan)
         self.errors = np.zeros((stretches_of(steps, self.block_steps), 2, links, 3, n))  # clear/attacked; n, |e|, e^2
         self.before = np.full((int(self.lags.max(initial=0)), dgus, n), np.nan)  # states of the last window's end
-        self.curves = Curves.empty(first, steps)
-        self.team = TeamGatherer(first, steps, self.curves.score.length)
+        self.curves = Curves.empty(first, drawn[1] - drawn[0], drawn[0])
+        self.team = TeamGatherer(first, steps, max(self.curves.score.length, stretch_length(steps, 1)))
 
     def add(self, window: RunRecord) -> None:
         """Take the next window."""

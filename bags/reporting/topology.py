@@ -26,15 +26,21 @@ class Arrow:
     """A directed link.
 
     Attributes:
-        path: SVG path.
+        points: Start, control point and end of a quadratic Bézier curve.
         state: hit (every attack on it seen), partly (some seen), missed (none), false (accused only), quiet or
             unmonitored.
         title: In words.
     """
 
-    path: str
+    points: tuple[tuple[float, float], tuple[float, float], tuple[float, float]]
     state: str
     title: str
+
+    @property
+    def path(self) -> str:
+        """As SVG path."""
+        start, middle, end = self.points
+        return f"M{start[0]:.1f},{start[1]:.1f} Q{middle[0]:.1f},{middle[1]:.1f} {end[0]:.1f},{end[1]:.1f}"
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -54,8 +60,8 @@ def drawing(timeline: Timeline, judged: Judged) -> Drawing:
     arrows = []
     for found in sorted(judged.links, key=lambda one: bool(one.episodes)):
         state, title = _state(found, labelled=timeline.labelled)
-        path = _path(nodes[found.link.source], nodes[found.link.target], radius)
-        arrows.append(Arrow(path=path, state=state, title=f"{_name(found.link)}: {title}"))
+        start, middle, end = _bent(nodes[found.link.source], nodes[found.link.target], radius)
+        arrows.append(Arrow(points=(start, middle, end), state=state, title=f"{_name(found.link)}: {title}"))
     return Drawing(nodes=tuple(nodes.values()), arrows=tuple(arrows), radius=radius)
 
 
@@ -74,14 +80,13 @@ def _place(number: int, count: int, dgu: int) -> Node:
     return Node(number=dgu, x=SIZE / 2 + reach * math.cos(angle), y=SIZE / 2 + reach * math.sin(angle))
 
 
-def _path(source: Node, target: Node, radius: float) -> str:
+def _bent(source: Node, target: Node, radius: float) -> list[tuple[float, float]]:
     """A bent arrow from the rim of one circle to that of the other."""
     dx, dy = target.x - source.x, target.y - source.y
     length = math.hypot(dx, dy) or 1.0
     bend = _BEND * length
     middle = ((source.x + target.x) / 2 - bend * dy / length, (source.y + target.y) / 2 + bend * dx / length)
-    start, end = _rim(source, middle, radius + 2), _rim(target, middle, radius + 9)
-    return f"M{start[0]:.1f},{start[1]:.1f} Q{middle[0]:.1f},{middle[1]:.1f} {end[0]:.1f},{end[1]:.1f}"
+    return [_rim(source, middle, radius + 2), middle, _rim(target, middle, radius + 9)]
 
 
 def _rim(node: Node, towards: tuple[float, float], distance: float) -> tuple[float, float]:
