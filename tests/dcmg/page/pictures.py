@@ -11,6 +11,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 from PIL import Image
 from playwright.sync_api import Page, expect, sync_playwright
 
@@ -89,12 +90,21 @@ def _animation(page: Page, address: str, folder: Path) -> None:
         _step(page, STEPS_A_FRAME)
         shot = Image.open(io.BytesIO(page.screenshot())).convert("RGB").resize((885, 480))
         pictures.append(shot)
-    # the colours of a moment under attack, rare ones too
-    palette = pictures[FRAMES // 2].quantize(colors=160, method=Image.Quantize.MAXCOVERAGE)
+    palette = _palette(pictures[FRAMES // 2])
     pictures = [one.quantize(palette=palette, dither=Image.Dither.NONE) for one in pictures]
     pictures[0].save(
         folder / "page.gif", save_all=True, append_images=pictures[1:], duration=FRAME_MS, loop=0, optimize=True
     )
+
+
+def _palette(picture: Image.Image) -> Image.Image:
+    """The colours of a moment under attack: the most frequent ones as they are, and of the others rare ones, too."""
+    colours, counts = np.unique(np.asarray(picture).reshape(-1, 3), axis=0, return_counts=True)
+    frequent = colours[np.argsort(-counts)[:60]].ravel().tolist()
+    rest = picture.quantize(colors=150, method=Image.Quantize.MAXCOVERAGE).getpalette() or []
+    palette = Image.new("P", (1, 1))
+    palette.putpalette([*frequent, *rest[: 3 * 150]])
+    return palette
 
 
 def main(folder: Path) -> None:
