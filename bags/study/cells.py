@@ -24,7 +24,7 @@ from monitor.settings import DetectorSettings
 
 _FORMAT = 2  # of the rows; another one makes kept cells worthless
 _MOST_SEEDS = 8  # of a cell: more are hardly cheaper each, and fewer cells keep fewer cores busy
-_MOST_SAMPLES = 1_500_000  # of a cell, on all links in all of its runs: some 250 MB
+_MOST_SAMPLES = 1_000_000  # of a cell, on all links in all of its runs: some 200 MB
 _AT_ONCE = DetectorSettings(options={"settle_sec": 0.0, "calibrate_sec": 0.0})  # learns nothing
 
 
