@@ -73,7 +73,7 @@ COMMANDS: Sequence[Command | Group] = (
         module="imports",
     ),
     _ros("monitor", "Attach monitors to live ROS 2 topics of any message type, and tell alarms as they come.", _DESIGN),
-    _here("plugins", "List what installed packages add: kinds of attacks and detectors.", _DESIGN),
+    _here("plugins", "List what installed packages add: kinds of attacks, detectors and observers.", _DESIGN),
     _here("paper", "Repeat the papers' experiments and check their numbers.", _SHOW, attribute="app"),
     _here("measure", "Measure what is claimed of attacks, detectors and long runs.", _SHOW, attribute="app"),
 )

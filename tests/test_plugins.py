@@ -22,6 +22,8 @@ ATTACKED = (
     "attacks=[{kind: wobble, link: 1-2, start_sec: 3, voltage_v: 0.5}]",
     "--set",
     "monitor.detector={kind: n_of_m, options: {n: 1, m: 2, kind: jump, options: {jump: 0.01}}}",
+    "--set",
+    "monitor.observer={kind: brisk}",
     "--duration",
     "4",
 )
@@ -88,7 +90,7 @@ def bag(wobble: Place, tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_page_shows_the_sample_package() -> None:
     """Whoever copies docs/plugins.md has the package that these tests use."""
     page = (ROOT / "docs/plugins.md").read_text(encoding="utf-8")
-    for name in ("pyproject.toml", "dcmg_wobble/attack.py", "dcmg_wobble/detector.py"):
+    for name in ("pyproject.toml", "dcmg_wobble/attack.py", "dcmg_wobble/detector.py", "dcmg_wobble/observer.py"):
         assert (WOBBLE / name).read_text(encoding="utf-8") in page
 
 
@@ -108,6 +110,7 @@ def test_plug_ins_are_listed_with_package_and_version(wobble: Place, place: Plac
     assert found == {
         ("dcmg.attacks", "wobble", "dcmg-wobble", "0.1.0", ""),
         ("dcmg.detectors", "jump", "dcmg-wobble", "0.1.0", ""),
+        ("dcmg.observers", "brisk", "dcmg-wobble", "0.1.0", ""),
     }
     shown = wobble.dcmg("attack", "kinds", "wobble")
     assert "dcmg attack start wobble 1-2 --voltage-v ..." in shown.out
@@ -134,6 +137,7 @@ def test_the_bag_names_plug_ins_and_is_reproduced_and_replayed(wobble: Place, ba
     page = (bag.parent / "report" / "report.html").read_text(encoding="utf-8")
     assert "dcmg.attacks/wobble dcmg-wobble 0.1.0" in page
     assert "dcmg.detectors/jump dcmg-wobble 0.1.0" in page
+    assert "dcmg.observers/brisk dcmg-wobble 0.1.0" in page
     again = wobble.dcmg("reproduce", bag, "--json")
     assert again.code == 0, again.err
     assert again.document["identical"]
@@ -170,7 +174,7 @@ def test_a_bag_whose_plug_in_is_missing_or_another_says_so_in_one_line(
     for command in ("replay", "reproduce"):
         done = newer.dcmg(command, bag, "--json")
         assert done.code == 0, done.err
-        assert len(done.err.splitlines()) == 2  # the attack, the detector
+        assert len(done.err.splitlines()) == 3  # the attack, the detector, the observer
         assert "here is dcmg-wobble 0.2.0" in done.err
 
 
@@ -201,6 +205,7 @@ def test_a_study_runs_plug_ins(wobble: Place, tmp_path: Path) -> None:
         ),
         ("attacks", "bias = odd:Odd", "Odd = 3", "dcmg itself has a bias too"),
         ("detectors", "odd = odd:Odd", "Odd = 3", "expected a monitor.detectors.Kind"),
+        ("observers", "odd = odd:Odd", "Odd = 3", "expected a function design(history, options)"),
         ("detectors", "fixed = odd:Odd", "Odd = 3", "dcmg itself has a fixed too"),
     ],
 )
@@ -210,7 +215,7 @@ def test_a_plug_in_that_cannot_be_used_is_one_line_and_only_when_it_is_asked_for
     """The line names package, version and entry point; whoever does not ask for it notices nothing."""
     place.add("odd", "3.1", f"dcmg.{group}", points, module)
     kind = points.partition(" ")[0]
-    change = f"attacks.0.kind={kind}" if group == "attacks" else f"monitor.detector={{kind: {kind}}}"
+    change = f"attacks.0.kind={kind}" if group == "attacks" else f"monitor.{group[:-1]}={{kind: {kind}}}"
     refused = place.dcmg("simulate", "gallo_six_dgu", "--set", change, "--out", tmp_path / "out")
     assert refused.code == 2
     assert expected in refused.err

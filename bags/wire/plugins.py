@@ -10,8 +10,9 @@ from dgu_sim import plugins as of_grid
 from dgu_sim.attacks.falsifications import GROUP as ATTACKS
 from monitor import plugins as of_monitors
 from monitor.detectors.registry import GROUP as DETECTORS
+from monitor.observers.registry import GROUP as OBSERVERS
 
-__all__ = ["ATTACKS", "DETECTORS", "KEY", "check_plug_ins", "installed", "used_plug_ins", "with_plug_ins"]
+__all__ = ["ATTACKS", "DETECTORS", "KEY", "OBSERVERS", "check_plug_ins", "installed", "used_plug_ins", "with_plug_ins"]
 
 KEY = "plug_ins"
 """In versions.json: "group/kind" → "package version"."""
@@ -30,7 +31,7 @@ def used_plug_ins(scenario: Mapping[str, object], started: Iterable[str] = ()) -
         scenario: Of the run, as plain data; of a stream from outside: what its monitors are told, as `monitor`.
         started: Kinds of attacks that were started by hand, or may be.
     """
-    here = {group: installed(group) for group in (ATTACKS, DETECTORS)}
+    here = {group: installed(group) for group in (ATTACKS, DETECTORS, OBSERVERS)}
     used = dict.fromkeys([*_named(scenario), *((ATTACKS, kind) for kind in started)])
     return {f"{group}/{kind}": here[group][kind] for group, kind in used if kind in here[group]}
 
@@ -80,9 +81,12 @@ def check_plug_ins(path: Path, scenario: str, versions: bytes, started: Iterable
 
 def _named(scenario: Mapping[str, object]) -> Iterator[tuple[str, str]]:
     """Groups and kinds that a scenario names."""
-    for group, section in ((ATTACKS, "attacks"), (DETECTORS, "monitor")):
-        for kind in _kinds(scenario.get(section)):
-            yield group, kind
+    for kind in _kinds(scenario.get("attacks")):
+        yield ATTACKS, kind
+    monitor = scenario.get("monitor")
+    for part, settings in monitor.items() if isinstance(monitor, dict) else ():
+        for kind in _kinds(settings):
+            yield OBSERVERS if part == "observer" else DETECTORS, kind
 
 
 def _kinds(part: object) -> Iterator[str]:

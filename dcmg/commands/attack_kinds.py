@@ -10,9 +10,8 @@ from rich.console import Console
 
 from dcmg.attack_words import EXAMPLES, first_line, parameters_of
 from dcmg.tabular import tabulate
-from dgu_sim.attacks import KINDS, known_kind
+from dgu_sim.attacks import known_kind, usable_kinds
 from dgu_sim.attacks.techniques import techniques_of
-from dgu_sim.errors import AttackError
 
 if TYPE_CHECKING:
     from dgu_sim.attacks import Attack
@@ -24,7 +23,9 @@ def attack_kinds(
     json: Annotated[bool, typer.Option("--json", help="print a JSON document")] = False,
 ) -> None:
     """Say what attacks there are; what one does, knows and wants."""
-    chosen = _usable() if kind is None else {kind: known_kind(kind)}
+    chosen, unusable = usable_kinds() if kind is None else ({kind: known_kind(kind)}, [])
+    for line in unusable:
+        typer.echo(line, err=True)
     if json:
         document = {
             name: {
@@ -48,17 +49,6 @@ def attack_kinds(
     table = tabulate(("parameter", "default", "meaning"), parameters_of(attack))
     Console().print(table if attack.model_fields else "no parameters")
     typer.echo(f"dcmg attack start {kind} {EXAMPLES.get(kind) or _example(attack)}")
-
-
-def _usable() -> dict[str, type[Attack]]:
-    """Every kind; a plug-in that cannot be used is one line on standard error."""
-    found: dict[str, type[Attack]] = {}
-    for kind in KINDS:
-        try:
-            found[kind] = known_kind(kind)
-        except AttackError as error:
-            typer.echo(str(error), err=True)
-    return found
 
 
 def _example(attack: type[Attack]) -> str:

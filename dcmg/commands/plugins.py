@@ -12,7 +12,7 @@ from dcmg.tabular import tabulate
 from dgu_sim import attacks
 from dgu_sim import plugins as of_grid
 from dgu_sim.errors import PlugInError as GridError
-from monitor import detectors
+from monitor import detectors, observers
 from monitor import plugins as of_monitors
 from monitor.errors import PlugInError as MonitorError
 
@@ -23,7 +23,7 @@ _EXIT_BROKEN = 1
 
 
 def plugins(*, json: Annotated[bool, typer.Option("--json", help="print a JSON document")] = False) -> None:
-    """List what installed packages add: kinds of attacks and detectors (docs/plugins.md).
+    """List what installed packages add: kinds of attacks, detectors and observers (docs/plugins.md).
 
     Each is imported to see whether it can be used. Exit code 1: some cannot.
     """
@@ -43,7 +43,7 @@ def plugins(*, json: Annotated[bool, typer.Option("--json", help="print a JSON d
 
 
 def _found() -> Iterator[dict[str, str]]:
-    for kinds in (attacks.KINDS, detectors.KINDS):
+    for kinds in (attacks.KINDS, detectors.KINDS, observers.KINDS):
         packages = of_grid.plug_ins if kinds is attacks.KINDS else of_monitors.plug_ins
         for kind, several in packages(kinds.group).items():
             problem = ""

@@ -7,7 +7,7 @@ from dcmg.attack_words import EXAMPLES, first_line, parameters_of, parse_link, v
 from dcmg.errors import CommandError
 from dcmg.page.messages import Attack, AttackKind, Parameter
 from dcmg.page.source import RefusalError
-from dgu_sim.attacks import KINDS, known_kind
+from dgu_sim.attacks import known_kind, usable_kinds
 from dgu_sim.errors import DguSimError
 from dgu_sim.grid import Link
 
@@ -16,7 +16,7 @@ _SEPARATOR = re.compile(r"[,\s]+")
 
 def kinds() -> list[AttackKind]:
     """Every kind of attack with its parameters explained."""
-    return [_kind(name, attack) for name, attack in KINDS.items()]
+    return [_kind(name, attack) for name, attack in usable_kinds()[0].items()]
 
 
 def order_of(message: Attack) -> tuple[tuple[Link, ...], dict[str, object]]:

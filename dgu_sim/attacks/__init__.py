@@ -3,6 +3,16 @@
 from dgu_sim.attacks.bias import Bias
 from dgu_sim.attacks.context import AttackContext, Knowledge
 from dgu_sim.attacks.protocol import Attack
-from dgu_sim.attacks.registry import KINDS, build_attack, expected_class, known_kind
+from dgu_sim.attacks.registry import KINDS, build_attack, expected_class, known_kind, usable_kinds
 
-__all__ = ["KINDS", "Attack", "AttackContext", "Bias", "Knowledge", "build_attack", "expected_class", "known_kind"]
+__all__ = [
+    "KINDS",
+    "Attack",
+    "AttackContext",
+    "Bias",
+    "Knowledge",
+    "build_attack",
+    "expected_class",
+    "known_kind",
+    "usable_kinds",
+]

@@ -12,7 +12,7 @@ from dgu_sim.explain import explain
 from dgu_sim.plugins import Kinds
 from dgu_sim.suggestions import meant
 
-__all__ = ["KINDS", "build_attack", "expected_class", "known_kind"]
+__all__ = ["KINDS", "build_attack", "expected_class", "known_kind", "usable_kinds"]
 
 KINDS: Kinds[type[Attack]] = Kinds(GROUP, {**SHIPPED, "spoof": Spoof}, checked_attack)
 
@@ -34,6 +34,18 @@ def known_kind(kind: str) -> type[Attack]:
         return KINDS[kind]
     except PlugInError as error:
         raise AttackError(str(error)) from error
+
+
+def usable_kinds() -> tuple[dict[str, type[Attack]], list[str]]:
+    """Return every attack class by name, and a line for each plug-in that cannot be used."""
+    found: dict[str, type[Attack]] = {}
+    problems = []
+    for kind in KINDS:
+        try:
+            found[kind] = known_kind(kind)
+        except AttackError as error:
+            problems.append(str(error))
+    return found, problems
 
 
 def build_attack(kind: str, parameters: Mapping[str, object]) -> Attack:

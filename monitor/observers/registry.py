@@ -7,10 +7,12 @@ from typing import TYPE_CHECKING
 
 from monitor.backstop import guarded
 from monitor.certificate import Certificate
+from monitor.errors import PlugInError
 from monitor.history import sent_outputs
 from monitor.observer import Design
 from monitor.observers import full_order, reduced_order
-from monitor.options import check_kind
+from monitor.options import known_kind
+from monitor.plugins import Kinds
 
 if TYPE_CHECKING:
     from collections.abc import Callable, Mapping
@@ -37,13 +39,26 @@ def _closed_loop(history: History, options: Mapping[str, object]) -> Design:
     return design_closed_loop(history, options)
 
 
-KINDS: dict[str, Callable[[History, Mapping[str, object]], Design]] = {
+_SHIPPED: Mapping[str, Callable[[History, Mapping[str, object]], Design]] = {
     full_order.KIND: full_order.design,
     reduced_order.KIND: reduced_order.design,
     "delayed": _delayed,
     "op_uie": _open_loop,
     "cl_uie": _closed_loop,
 }
+
+
+def _checked(kind: str, found: object) -> Callable[[History, Mapping[str, object]], Design]:
+    if not callable(found) or isinstance(found, type):
+        raise PlugInError(
+            f"{kind} is {found!r}, expected a function design(history, options) -> monitor.observers.Design"
+        )
+    return found
+
+
+GROUP = "dcmg.observers"
+KINDS: Kinds[Callable[[History, Mapping[str, object]], Design]] = Kinds(GROUP, _SHIPPED, _checked)
+"""All kinds: ours, and those of installed packages (docs/plugins.md)."""
 
 
 def design(kind: str, history: History, options: Mapping[str, object]) -> Design:
@@ -54,9 +69,9 @@ def design(kind: str, history: History, options: Mapping[str, object]) -> Design
     Raises:
         MonitorError: unknown kind or option.
     """
-    check_kind("observer", kind, KINDS)
+    method = known_kind("observer", kind, KINDS)
     sent, channels = sent_outputs(history)
-    made = guarded(lambda: KINDS[kind](sent, options), lambda reason: _refused(kind, reason))
+    made = guarded(lambda: method(sent, options), lambda reason: _refused(kind, reason))
     return replace(made, channels=channels)
 
 

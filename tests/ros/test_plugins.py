@@ -24,6 +24,7 @@ WOBBLE = Path(__file__).parents[1] / "plugins/dcmg_wobble"
 CHANGES = (
     "attacks=[{kind: wobble, link: 1-2, start_sec: 1, voltage_v: 0.5}]",
     "monitor.detector={kind: jump, options: {jump: 0.01}}",
+    "monitor.observer={kind: brisk}",
 )
 _SET = [word for change in CHANGES for word in ("--set", change)]
 

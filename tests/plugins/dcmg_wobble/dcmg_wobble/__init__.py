@@ -1,1 +1,1 @@
-"""An attack and a detector for dcmg."""
+"""An attack, a detector and an observer for dcmg."""
