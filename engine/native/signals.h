@@ -6,7 +6,7 @@
 
 #include "ziggurat.h"
 
-enum { DRAWN = 256, TOGETHER = 8 }; /* numbers in a block of a stream; lanes whose signals are written together */
+enum { DRAWN = 256, TOGETHER = 16 }; /* numbers in a block of a stream; lanes whose signals are written together */
 
 typedef struct {
   uint64_t counter[4], key[2], buffer[4];
