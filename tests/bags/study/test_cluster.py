@@ -18,7 +18,7 @@ from bags.study.cluster import DaskPool, _versions, dask_pool
 from dcmg.shipped import scenario_path
 from tests.bags.study.trees import bytes_of
 
-_MOST_SEC = 100.0
+_MOST_SEC = 250.0
 _OURS = "--host 127.0.0.1 --no-dashboard"
 
 
@@ -122,7 +122,7 @@ def test_a_study_outlives_its_client_a_worker_and_its_scheduler(
 
     started(*worker)
     with (
-        config.set({"distributed.comm.timeouts.connect": "2s"}),
+        config.set({"distributed.comm.timeouts.connect": "6s"}),
         dask_pool(str(file)) as pool,
         pytest.raises(StudyError, match=r"its Dask scheduler is gone: start again to go on$"),
     ):
