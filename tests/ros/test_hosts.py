@@ -87,6 +87,16 @@ def test_a_host_that_waits_and_one_by_ssh(
         assert abs(said["clock_offset_ns"]) <= said["clock_offset_bound_ns"]
 
 
+def test_clocks_are_told_in_real_time(tmp_path: Path) -> None:
+    """With one process a host, too; the clock of this machine is its own, so that no difference is seen."""
+    with waiting_host() as port:
+        file = _file(tmp_path, {"lab2": {"address": "127.0.0.1", "port": port}}, {"dgu_1": "lab2", "monitor_*": "lab2"})
+        options = ("--duration", "0.5", "--pacing", "realtime", "--composed", "--no-plots", "--out", tmp_path / "run")
+        finished = run_dcmg("run", "isolated_dgu_1", "--hosts", file, *options)
+    assert finished.code == 0, finished.err
+    assert "clock of host lab2: the same as here, to " in finished.err
+
+
 def test_what_computes_otherwise_or_is_not_there_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """Other code, another secret, and nobody at all: one line with the host, exit code 2, before anything starts."""
     with waiting_host(sys.executable, "-c", OTHER) as port:
