@@ -27,7 +27,7 @@ unexport AMENT_PREFIX_PATH CMAKE_PREFIX_PATH COLCON_PREFIX_PATH LD_LIBRARY_PATH 
 unexport RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE
 endif
 
-.PHONY: help demo test lint kernels lowest fuzz torture hosts pictures bench colcon install clean FORCE
+.PHONY: help demo test lint kernels lowest fuzz torture hosts pictures site bench colcon install clean FORCE
 .DELETE_ON_ERROR:
 
 help: ## this list
@@ -71,6 +71,10 @@ torture: install ## kills, hangs, damaged bags and hostile input against the pro
 
 pictures: install ## the pictures of README and docs anew (minutes; needs chromium)
 	@docs/pictures.sh
+
+site: install ## the documentation as a site that opens without a network: build/site/index.html
+	@$(PY) -m pip install -qq -c constraints.txt mkdocs-material 'mkdocstrings[python]'
+	@NO_MKDOCS_2_WARNING=1 $(PY) -m mkdocs build --strict --quiet && echo "open build/site/index.html"
 
 bench: install ## measure the speed on this machine
 	@$(PY) -m pytest -m bench -s tests/bench

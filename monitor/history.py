@@ -31,7 +31,7 @@ class Experiment:
         x: states, (T, n).
         sampling_period_sec: T_s [s] of this experiment, if it is recorded with it.
         d: inputs applied in the experiment that are unknown online, (T, m_d): for a DGU [I_net + I_L, V_ref + alpha]
-            [A, V]; (T, 0) unless recorded.
+            A and V; (T, 0) unless recorded.
         w: what only the DGU itself measures, (T, 1 + neighbours): its load current [A] and the bus voltages of its
             neighbours, ascending [V]; (T, 0) unless recorded.
     """
