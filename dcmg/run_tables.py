@@ -77,9 +77,10 @@ def show_run(
 
 
 def tables(timeline: Timeline, judged: Judged) -> list[Table]:
-    """Attacks, links, and the team where there is one."""
+    """Attacks, links, what was commanded if anything was, and the team where there is one."""
     found = [_attacks(judged.attacks, timeline)] if judged.attacks else []
     found.append(_links(judged.links, timeline))
+    found += [_commands(timeline)] if timeline.run.commands else []
     return found if timeline.team is None else [*found, _team(timeline.team)]
 
 
@@ -132,6 +133,11 @@ def _links(rows: Sequence[LinkRow], timeline: Timeline) -> Table:
     ]
     styles = ["bold red" if row.episodes else None for row in rows]
     return tabulate(headings, cells, numbers=set(headings[1:]), styles=styles)
+
+
+def _commands(timeline: Timeline) -> Table:
+    rows = [(f"{one.step * timeline.period_sec:g}", one.command.words) for one in timeline.run.commands]
+    return tabulate(("from [s]", "command"), rows, numbers={"from [s]"})
 
 
 def _team(team: TeamSummary) -> Table:

@@ -1,6 +1,6 @@
 """Errors of the simulator: misuse, said in one line."""
 
-__all__ = ["AttackError", "DguSimError", "PlugInError", "ScenarioError"]
+__all__ = ["AttackError", "DguSimError", "PlugInError", "ScenarioError", "SteeringError"]
 
 
 class DguSimError(Exception):
@@ -17,3 +17,7 @@ class AttackError(DguSimError):
 
 class PlugInError(DguSimError):
     """What an installed package adds cannot be used: the message names package, version and entry point."""
+
+
+class SteeringError(DguSimError):
+    """A command cannot be given: the message says why."""

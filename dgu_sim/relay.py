@@ -65,8 +65,9 @@ class Relay:
         duration_sec: float = 0.0,
         *,
         origin: Origin = Origin.SERVICE,
+        start_sec: float | None = None,
     ) -> tuple[RelayState, RelayEvent]:
-        """Start an attack from the next step on.
+        """Start an attack from the next step on, or later.
 
         Args:
             state: Where the relay is.
@@ -76,9 +77,11 @@ class Relay:
                 its links in their order, `link` the first; and `anyway`: true, to start while detectors learn.
             duration_sec: Length [s]; 0: until stopped.
             origin: Who asked for it.
+            start_sec: Time of the first affected sample [s]; None: the next one.
 
         Returns:
-            The new state and the START event of `link`; `step` reports those of the other links only.
+            The new state and the START event of `link`; `step` reports those of the other links only, or, of an attack
+            that starts later, all of them.
 
         Raises:
             AttackError: A link does not exist, the kind is unknown, a parameter is wrong, or a person wants to start it
@@ -87,16 +90,18 @@ class Relay:
         if not (math.isfinite(duration_sec) and duration_sec >= 0.0):
             raise AttackError(f"duration_sec = {duration_sec:g}: expected a length in seconds, or 0 for until stopped")
         length = max(1, first_step(duration_sec, self.sampling_period_sec)) if duration_sec > 0.0 else None
-        stop_step = None if length is None else state.step + length
-        start_sec = state.step * self.sampling_period_sec
+        start_step = self._start_step(state, start_sec)
+        stop_step = None if length is None else start_step + length
+        start_sec = start_step * self.sampling_period_sec
         links, own = _split_links(link, parameters)
         early = own.pop("anyway", False) is not True and origin is Origin.SERVICE and start_sec < self.ready_sec
         plan = AttackPlan(links=links, kind=kind, parameters=own, start_sec=start_sec)
-        following, attack = self._schedule(state, plan, origin, state.step, stop_step)
+        following, attack = self._schedule(state, plan, origin, start_step, stop_step)
         if early:
-            now = f"it is {start_sec:g} s, and until {self.ready_sec:g} s the detectors learn from attack-free samples"
+            learn = f"until {self.ready_sec:g} s the detectors learn from attack-free samples"
+            now = f"it would start at {start_sec:g} s, and {learn}"
             raise AttackError(f"link {link}: {now}: expected later, or `anyway`, which they take for normal")
-        return following, attack.event(link, Action.START, state.step)
+        return following, attack.event(link, Action.START, start_step)
 
     def stop(self, state: RelayState, link: Link) -> tuple[RelayState, tuple[RelayEvent, ...]]:
         """Stop every active attack on one link from the next step on; scheduled ones stay scheduled.
@@ -180,6 +185,15 @@ class Relay:
             for link in one.links
         )
 
+    def _start_step(self, state: RelayState, start_sec: float | None) -> int:
+        if start_sec is None:
+            return state.step
+        start_step = first_step(start_sec, self.sampling_period_sec) if math.isfinite(start_sec) else -1
+        if start_step < state.step:
+            now = state.step * self.sampling_period_sec
+            raise AttackError(f"start_sec = {start_sec:g}: expected a time from now on, it is {now:g} s")
+        return start_step
+
     def _apply(self, one: RunningAttack, samples: list[Sample], spoofed: dict[int, Sample]) -> RunningAttack:
         """Replace the samples of an attack's links in place and return it with its next state."""
         state, changed = one.attack.step(one.state, [samples[position] for position in one.positions])
@@ -216,6 +230,7 @@ class Relay:
             state=attack.init(context),
             start_step=start_step,
             stop_step=stop_step,
+            asked_step=state.step,
         )
         return replace(state, attacks=(*state.attacks, running), next_number=state.next_number + 1), running
 

@@ -82,6 +82,7 @@ class RunningAttack:
         state: Its state.
         start_step: First affected sample.
         stop_step: First clean sample again; None: until stopped.
+        asked_step: The next step to relay when it was asked for.
     """
 
     number: int
@@ -94,12 +95,14 @@ class RunningAttack:
     state: object
     start_step: int
     stop_step: int | None
+    asked_step: int
 
     def announced(self, step: int) -> tuple[Link, ...]:
         """Return the links whose START event is out before `step` is relayed: a service hears of the first at once."""
         if self.start_step < step:
             return self.links
-        return self.links[:1] if self.start_step == step and self.origin is Origin.SERVICE else ()
+        at_once = self.origin is Origin.SERVICE and self.asked_step == self.start_step
+        return self.links[:1] if self.start_step == step and at_once else ()
 
     def event(self, link: Link, action: Action, step: int) -> RelayEvent:
         """Return the event of one link."""

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 
+from dgu_sim.commands import unknown_place
 from dgu_sim.errors import AttackError
 from dgu_sim.explain import listed
 from dgu_sim.grid import Grid, Link
@@ -23,6 +24,10 @@ def check_parts(scenario: Sections) -> None:
     _check_ids(scenario, ids)
     _check_lines(scenario)
     _check_attacks(scenario)
+    for index, entry in enumerate(scenario.script):
+        misplaced = unknown_place(entry.order, [dgu.id for dgu in scenario.dgus], scenario.links)
+        if misplaced is not None:
+            raise finding(("script", index, misplaced[0]), *misplaced[1:])
     for index, poison in enumerate(scenario.poison):
         if poison.dgu not in ids:
             known = listed(ids)

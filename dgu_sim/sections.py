@@ -16,6 +16,7 @@ from dgu_sim.model import Frozen, Number, finding
 from dgu_sim.noise import Noise, NoNoise
 from dgu_sim.plant import Coupling
 from dgu_sim.poison import Poison
+from dgu_sim.script import Script, ScriptEntry, script_of
 from dgu_sim.settings import (
     AttackSettings,
     DguSettings,
@@ -65,6 +66,12 @@ class Sections(Frozen):
         default_factory=dict, description="What the monitors run; they check it (`bags.watch.scenarios`)."
     )
     attacks: tuple[AttackSettings, ...] = Field(default=(), description="Attacks that the scenario schedules.")
+    script: tuple[ScriptEntry, ...] = Field(default=(), description="Commands, each at its step.")
+
+    @property
+    def orders(self) -> Script:
+        """The commands of the script by their steps."""
+        return script_of(self.script, self.sampling_period_sec)
 
     @model_validator(mode="before")
     @classmethod
@@ -85,11 +92,13 @@ class Sections(Frozen):
 
     @model_serializer(mode="wrap")
     def _as_written(self, handler: SerializerFunctionWrapHandler) -> dict[str, Any]:
-        """Leave out what is generated, or that nothing is."""
+        """Leave out what is generated, or that nothing is, and a script that is none: as before there were any."""
+        left_out = () if self.script else ("script",)
         if self.generator is None:
-            return {key: value for key, value in handler(self).items() if key != "generator"}
+            return {key: value for key, value in handler(self).items() if key not in ("generator", *left_out)}
         parts = handler(self.model_copy(update={"generator": self.generator, "dgus": (), "lines": ()}))
-        return {"grid" if key == "generator" else key: value for key, value in parts.items() if key not in _LISTED}
+        kept = {key: value for key, value in parts.items() if key not in (*_LISTED, *left_out)}
+        return {"grid" if key == "generator" else key: value for key, value in kept.items()}
 
     def model_copy(self, *, update: Mapping[str, Any] | None = None, deep: bool = False) -> Self:
         """Return a copy with other values; what follows from them is worked out anew."""

@@ -1,7 +1,7 @@
 """The only time loop: all DGUs, all links and any number of runs at once."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Protocol
 
 import numpy as np
@@ -9,12 +9,16 @@ from numpy.typing import NDArray
 
 from dgu_sim.attacker_knowledge import ScenarioKnowledge
 from dgu_sim.cell import Cell, UnitState
+from dgu_sim.commands import AttackCommand, Command
 from dgu_sim.compiled import CompiledCell, compiled_cell
+from dgu_sim.errors import DguSimError
 from dgu_sim.linear import FloatArray
+from dgu_sim.obeying import obey
 from dgu_sim.plant import physical_of
 from dgu_sim.records import Physical, Sample
 from dgu_sim.relay import Relay, RelayEvent, RelayState
 from dgu_sim.scenario import Scenario
+from dgu_sim.script import CommandEvent, Commands, Teller
 from dgu_sim.settings import Accept
 from dgu_sim.unit import cell_of_all
 
@@ -67,6 +71,7 @@ class Block:
         delivered: False where a link lost the sample, shape (steps, runs, links).
         events: Attack events of these steps, in order of step.
         doubled: Where a second publisher spoke, in order of step and link.
+        commands: What was commanded at these steps, in order.
     """
 
     first_step: int
@@ -79,6 +84,7 @@ class Block:
     delivered: NDArray[np.bool_]
     events: tuple[RunEvent, ...]
     doubled: tuple[Doubled, ...] = ()
+    commands: tuple[CommandEvent, ...] = ()
 
 
 class Respond(Protocol):
@@ -91,6 +97,8 @@ class Respond(Protocol):
         received: FloatArray,
         delivered: NDArray[np.bool_],
         spoofed: Sequence[int] = (),
+        *,
+        commands: Sequence[CommandEvent] = (),
     ) -> NDArray[np.bool_]:
         """Return the links that secondary control leaves out at this step, shape (runs, links).
 
@@ -100,6 +108,7 @@ class Respond(Protocol):
             received: y^c as taken, shape (3, runs, links).
             delivered: Shape (runs, links).
             spoofed: Positions of the links on which a second publisher spoke.
+            commands: What was commanded from this step on.
         """
         ...
 
@@ -138,6 +147,8 @@ def simulate(
     block_steps: int = BLOCK_STEPS,
     recorded: Mapping[int, Sequence[FloatArray]] | None = None,
     respond: Respond | None = None,
+    *,
+    commands: Commands | None = None,
 ) -> Iterator[Block]:
     """Run a scenario from step 0 to its end.
 
@@ -147,11 +158,15 @@ def simulate(
         block_steps: Steps in a block; the last one may be shorter.
         recorded: As for `relay_of`.
         respond: What the monitors tell secondary control; None: nothing.
+        commands: Asked at the top of every step for what acts from it on; None: the scenario's script.
 
     Yields:
         Blocks in order of time. How runs and steps are grouped changes no bit of them.
+
+    Raises:
+        DguSimError: What `commands.refused` raises.
     """
-    loop, state = loop_of(scenario, seeds, recorded)
+    loop, state = loop_of(scenario, seeds, recorded, commands=commands)
     for first in range(0, scenario.steps, block_steps):
         state, block = loop.run(state, min(block_steps, scenario.steps - first), respond)
         yield block
@@ -165,11 +180,13 @@ class LoopState:
         step: The next step.
         cell: State of all DGUs.
         relay: State of the links: who attacks them.
+        teller: How many commands were told.
     """
 
     step: int
     cell: UnitState
     relay: RelayState
+    teller: Teller = field(default_factory=Teller)
 
 
 @dataclass(frozen=True, slots=True, kw_only=True)
@@ -187,6 +204,7 @@ class Loop:
     relay: Relay
     _wiring: "_Wiring"
     _compiled: CompiledCell | None
+    _given: Commands | None
 
     def run(self, state: LoopState, steps: int, respond: Respond | None = None) -> tuple[LoopState, Block]:
         """Let all runs go on; how their steps are grouped changes no bit of them.
@@ -196,16 +214,26 @@ class Loop:
             steps: How many steps.
             respond: What the monitors tell secondary control; None: nothing.
         """
-        if self._compiled is not None:
+        if self._compiled is not None and self._given is None:
             return self._run_compiled(self._compiled, state, steps, respond)
         wiring = self._wiring
         buffer = _Buffer.empty(wiring, steps, self.runs)
         cell_state, relay_state = state.cell, state.relay
         events: list[RelayEvent] = []
         doubled: list[Doubled] = []
+        told: list[CommandEvent] = []
+        teller = state.teller
         for row in range(steps):
             truth, sent = buffer.truth[row], buffer.sent[row]
             received, delivered = buffer.received[row], buffer.delivered[row]
+            new: list[CommandEvent] = []
+            for command in () if self._given is None else self._given.due(state.step + row):
+                cell_state, relay_state, occurred = self._obey(command, cell_state, relay_state)
+                if occurred is not None:
+                    teller, event = teller.event(state.step + row, command)
+                    new.append(event)
+                    events += occurred
+            told += new
             output = self.cell.output(cell_state)
             truth[:3], truth[3], truth[4], truth[5] = output.x, output.load_current, output.reference, output.alpha
             sent[:] = output.y
@@ -217,11 +245,25 @@ class Loop:
                 spoofed = tuple(position for position, _ in relay_state.spoofed)
             heard = delivered
             if respond is not None:
-                heard = delivered & ~respond(sent, truth[4], received, delivered, spoofed)
+                heard = delivered & ~respond(sent, truth[4], received, delivered, spoofed, commands=new)
             cell_state = self.cell.step(cell_state, wiring.physical(truth), wiring.received(received, heard))
-        told = tuple(RunEvent(run=run, event=one) for one in events for run in range(self.runs))
-        following = LoopState(step=state.step + steps, cell=cell_state, relay=relay_state)
-        return following, buffer.block(state.step, told, tuple(doubled))
+        attacks = tuple(RunEvent(run=run, event=one) for one in events for run in range(self.runs))
+        following = LoopState(step=state.step + steps, cell=cell_state, relay=relay_state, teller=teller)
+        return following, buffer.block(state.step, attacks, tuple(doubled), tuple(told))
+
+    def _obey(
+        self, command: Command, cell: UnitState, relay: RelayState
+    ) -> tuple[UnitState, RelayState, tuple[RelayEvent, ...] | None]:
+        """Let a command act on the DGUs or on the relay; attack events that are told at once, None: it is refused."""
+        if not isinstance(command, AttackCommand):
+            return self.cell.steer(cell, command), relay, ()
+        try:
+            relay, occurred, _ = obey(self.relay, relay, command)
+        except DguSimError as error:
+            assert self._given is not None  # noqa: S101 - somebody gave it
+            self._given.refused(command, error)
+            return cell, relay, None
+        return cell, relay, occurred
 
     def _run_compiled(
         self, compiled: CompiledCell, state: LoopState, steps: int, respond: Respond | None
@@ -270,6 +312,7 @@ def loop_of(
     seeds: Sequence[int] | None = None,
     recorded: Mapping[int, Sequence[FloatArray]] | None = None,
     ready_sec: float = 0.0,
+    commands: Commands | None = None,
 ) -> tuple[Loop, LoopState]:
     """Return the time loop of a scenario and its state before step 0.
 
@@ -278,11 +321,13 @@ def loop_of(
         seeds: One run for each seed; None: one run with the scenario's own.
         recorded: As for `relay_of`.
         ready_sec: As for `relay_of`.
+        commands: Asked at the top of every step for what acts from it on; None: the scenario's script.
 
     Raises:
         AttackError: An attack cannot act on its links.
     """
     runs = (scenario.seed,) if seeds is None else tuple(seeds)
+    given = scenario.orders if commands is None and scenario.script else commands
     cell = cell_of_all(scenario, runs)
     relay, relay_state = relay_of(scenario, runs, recorded, ready_sec)
     wiring = _Wiring.of(scenario)
@@ -294,7 +339,7 @@ def loop_of(
         incoming=wiring.link_slots,
         wired=wiring.wired[0],
     )
-    loop = Loop(runs=len(runs), cell=cell, relay=relay, _wiring=wiring, _compiled=compiled)
+    loop = Loop(runs=len(runs), cell=cell, relay=relay, _wiring=wiring, _compiled=compiled, _given=given)
     return loop, LoopState(step=0, cell=cell.init(), relay=relay_state)
 
 
@@ -324,7 +369,13 @@ class _Buffer:
             delivered=np.ones((steps, runs, links), dtype=np.bool_),
         )
 
-    def block(self, first_step: int, events: tuple[RunEvent, ...], doubled: tuple[Doubled, ...]) -> Block:
+    def block(
+        self,
+        first_step: int,
+        events: tuple[RunEvent, ...],
+        doubled: tuple[Doubled, ...],
+        commands: tuple[CommandEvent, ...],
+    ) -> Block:
         def component_last(array: FloatArray) -> FloatArray:
             return np.ascontiguousarray(np.moveaxis(array, 1, -1))
 
@@ -339,6 +390,7 @@ class _Buffer:
             delivered=self.delivered,
             events=events,
             doubled=doubled,
+            commands=commands,
         )
 
 

@@ -5,6 +5,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from dgu_sim.cell import Cell, UnitOutput, UnitState
+from dgu_sim.commands import Command
 from dgu_sim.exogenous import DguExogenous, GridExogenous
 from dgu_sim.linear import stack
 from dgu_sim.noise import NoNoise
@@ -12,6 +13,7 @@ from dgu_sim.plant import Coupling, physical_of, plant_of, plant_of_all
 from dgu_sim.records import Physical, Sample
 from dgu_sim.scenario import Scenario
 from dgu_sim.secondary import consensus_of, consensus_of_all
+from dgu_sim.steering import DguSteering, GridSteering
 
 __all__ = ["Physical", "Sample", "Unit", "UnitOutput", "UnitState", "cell_of_all", "equilibrium", "unit_of"]
 
@@ -35,6 +37,10 @@ class Unit:
     def init(self) -> UnitState:
         """Return the state at step 0."""
         return self.cell.init()
+
+    def steer(self, state: UnitState, command: Command) -> UnitState:
+        """Return the state at step k after a command that acts from step k on; one on another DGU changes nothing."""
+        return self.cell.steer(state, command)
 
     def output(self, state: UnitState) -> UnitOutput:
         """Return what the DGU does and sends at step k."""
@@ -71,6 +77,7 @@ def unit_of(scenario: Scenario, dgu: int) -> Unit:
             exogenous=_exogenous(scenario, dgu, (scenario.seed,))[0],
             reference=settings.reference_v,
             hidden=tuple(0.0 if sent else math.nan for sent in settings.sent) if _hides(scenario) else None,
+            unsteered=DguSteering(dgu=dgu, sampling_period_sec=scenario.sampling_period_sec),
         ),
     )
 
@@ -89,6 +96,7 @@ def cell_of_all(scenario: Scenario, seeds: Sequence[int]) -> Cell:
         ),
         reference=stack([one.reference_v for one in scenario.dgus]),
         hidden=tuple(stack(column) for column in zip(*masks, strict=True)) if _hides(scenario) else None,
+        unsteered=GridSteering(dgus=grid.dgus, sampling_period_sec=scenario.sampling_period_sec),
     )
 
 

@@ -11,12 +11,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from monitor.detectors.protocol import Phase, matched
 from monitor.errors import MonitorError
+from monitor.judging import overruled
 from monitor.linear import anywhere, everywhere, is_finite, is_missing, select
 
 if TYPE_CHECKING:
     from collections.abc import Sequence
 
     from monitor.detectors.protocol import Detector
+    from monitor.judging import Judging
     from monitor.linear import Component, Count, Flag, Vector
     from monitor.observer import Observer
 
@@ -27,10 +29,12 @@ class MonitorState(NamedTuple):
     Attributes:
         observer: the observer's state; NaN where it waits for a sample to start from.
         detector: the detector's state.
+        judging: what was said about it by hand; None: nothing.
     """
 
     observer: Vector
     detector: Any
+    judging: Judging | None = None
 
 
 class MonitorOutput(NamedTuple):
@@ -105,13 +109,21 @@ class LinkMonitor:
         following, estimate = observer.step(awake, known_inputs, sent)
         known = estimate.estimate if observer.states else (nan,) * len(y)  # an input estimator knows no state
         if self.blind:
-            return MonitorState(following, state.detector), _refused(y, known)
+            return state._replace(observer=following), _refused(y, known)
         learned, verdict = self.detector.step(state.detector, estimate.residual)
         residual, threshold = estimate.residual, verdict.threshold
         if len(y) != observer.outputs:
             residual, threshold = self._spread(residual, len(y)), self._spread(threshold, len(y))
-        output = MonitorOutput(verdict.phase, verdict.alarm, known, residual, threshold)
-        return MonitorState(following, learned), output
+        phase, alarm = verdict.phase, verdict.alarm
+        if state.judging is not None:
+            phase, alarm, threshold = overruled(state.judging, phase, alarm, residual, threshold)
+        output = MonitorOutput(phase, alarm, known, residual, threshold)
+        return MonitorState(following, learned, state.judging), output
+
+    def recalibrated(self, state: MonitorState) -> MonitorState:
+        """State of a detector that begins again; what was said about it by hand is forgotten."""
+        fresh = self.init().detector
+        return state._replace(detector=fresh, judging=None)
 
     def _sent(self, y: Sequence[Component], outputs: int) -> Sequence[Component]:
         """Components of the received vector that the observer uses."""

@@ -34,6 +34,7 @@ def run_document(timeline: Timeline, judged: Judged, bag: Path | None = None) ->
         "judged_by": judged.main,
         "attacks": [row.document() for row in judged.attacks],
         "links": [row.document(labelled=timeline.labelled) for row in judged.links],
+        "commands": [{"step": one.step, **one.command.document()} for one in timeline.run.commands],
         **team,
         "bag": str(timeline.run.path if bag is None else bag),
     }

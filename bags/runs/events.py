@@ -14,6 +14,7 @@ from bags.watch.monitors import MonitorArrays
 from bags.wire.records import AlarmRecord
 from bags.wire.schema import RunTopics
 from bags.wire.stream import LinkFaults, stream_changes
+from dgu_sim.commands import AttackCommand
 from dgu_sim.records import Sample
 from dgu_sim.simulate import Block
 from monitor.stream_guard import Faults, StreamChange, StreamFault
@@ -64,6 +65,7 @@ def events_of(
         alarms += local_alarms(combined, own_alarm, block.first_step, topics.combined)
         own_alarm = combined.local["alarm"][-1]
     for events in (
+        _commands(topics, block),
         _second(topics, block),
         _alarms(topics, block, alarms),
         _streams(topics, block, changes),
@@ -91,6 +93,12 @@ def _second(topics: RunTopics, block: Block) -> Iterator[Event]:
         codec = topics.second(topics.links[one.position])
         sample = Sample(y=one.spoofed[0].tolist(), delivered=bool(one.spoofed_delivered[0]))
         yield one.step - block.first_step, codec.topic, codec.encode(one.step, sample)
+
+
+def _commands(topics: RunTopics, block: Block) -> Iterator[Event]:
+    for one in sorted(block.commands, key=lambda one: isinstance(one.command, AttackCommand)):
+        codec = topics.command_codec(one.command)
+        yield one.step - block.first_step, codec.topic, codec.encode(one)
 
 
 def _alarms(topics: RunTopics, block: Block, alarms: Sequence[AlarmRecord]) -> Iterator[Event]:

@@ -2,7 +2,7 @@
 
 from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
-from typing import NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,6 +16,9 @@ from bags.watch.watcher import Watcher
 from dgu_sim.linear import FloatArray
 from dgu_sim.scenario import Scenario
 from dgu_sim.simulate import BLOCK_STEPS, Block, simulate
+
+if TYPE_CHECKING:
+    from dgu_sim.commands import Command
 
 Recorded: TypeAlias = Mapping[int, Sequence[FloatArray]] | None
 
@@ -66,8 +69,11 @@ def watched(watch: Watcher, block: Block) -> Followed:
     spoofed: dict[int, list[int]] = {}
     for one in block.doubled:
         spoofed.setdefault(one.step - block.first_step, []).append(one.position)
+    given: dict[int, list[Command]] = {}
+    for told in block.commands:
+        given.setdefault(told.step - block.first_step, []).append(told.command)
     alone = _Run(block.y[:, 0], block.reference[:, 0], block.received[:, 0], block.delivered[:, 0])
-    return Followed(block, *watch.follow(alone, spoofed))
+    return Followed(block, *watch.follow(alone, spoofed, given))
 
 
 def follow_many(scenario: Scenario, seeds: Sequence[int], block_steps: int = BLOCK_STEPS) -> Iterator[Followed]:

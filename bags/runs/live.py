@@ -14,6 +14,7 @@ from dgu_sim.grid import Link
 from dgu_sim.linear import FloatArray
 from dgu_sim.relay import RelayEvent
 from dgu_sim.scenario import Scenario
+from dgu_sim.script import CommandEvent
 from dgu_sim.simulate import Loop, LoopState, Respond, RunEvent, loop_of
 
 
@@ -118,9 +119,11 @@ class _Leaving:
         received: FloatArray,
         delivered: NDArray[np.bool_],
         spoofed: Sequence[int] = (),
+        *,
+        commands: Sequence[CommandEvent] = (),
     ) -> NDArray[np.bool_]:
         dropped = np.zeros(delivered.shape, dtype=np.bool_)
         if self.inner is not None:
-            dropped |= self.inner(sent, reference, received, delivered, spoofed)
+            dropped |= self.inner(sent, reference, received, delivered, spoofed, commands=commands)
         dropped[:, self.cut] = True
         return dropped

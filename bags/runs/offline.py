@@ -23,6 +23,7 @@ from bags.watch.monitors import MonitorArrays
 from bags.wire.arrays import grouped, write
 from bags.wire.origin import attach_origin
 from bags.wire.records import HistoryRecord
+from bags.wire.schema import RunTopics
 from dgu_sim.scenario import Scenario
 from dgu_sim.simulate import Block
 from monitor.link_monitor import MonitorOutput
@@ -81,10 +82,7 @@ def simulate_to_bag(
             rows = layout.block(block.first_step, len(block.x), topics.sampling_period_ns)
             arrays = arrays_of(block, outputs, combined)
             told, events = events_of(topics, block, outputs, told, combined)
-            for one in block.doubled:
-                second = topics.second(topics.links[one.position]).topic
-                if second.name not in writer.counts:
-                    writer.add_topic(second)
+            _announce(writer, topics, block)
             if team is not None:
                 arrays |= team_arrays(team, block, events)
             write(rows, topics, arrays)
@@ -97,6 +95,14 @@ def simulate_to_bag(
             if progress is not None:
                 progress(block.first_step + len(rows))
     return path
+
+
+def _announce(writer: BagWriter, topics: RunTopics, block: Block) -> None:
+    """Announce the topics that a bag has only where they say something."""
+    said = [topics.command_codec(one.command).topic for one in block.commands]
+    for topic in [*said, *(topics.second(topics.links[one.position]).topic for one in block.doubled)]:
+        if topic.name not in writer.counts:
+            writer.add_topic(topic)
 
 
 def _team(scenario: Scenario, designs: RunDesigns) -> TeamProgress | None:

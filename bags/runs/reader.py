@@ -30,6 +30,7 @@ from bags.wire.schema import Parts, RunTopics, run_topics
 from bags.wire.second import spoofed_steps, take_newest, takes_newest
 from dgu_sim.grid import Link
 from dgu_sim.relay import RelayEvent
+from dgu_sim.script import CommandEvent
 
 WINDOW_STEPS = 2000
 _EVERY_RUN = {row.key for row in (table.CLOCK, table.TICK, table.STATE, table.OUTPUT, table.RECEIVED, table.RESIDUAL)}
@@ -49,6 +50,7 @@ class Run:
         designs: What was designed for each link; for the own state of DGU j, as link j-j.
         input_designs: What estimates the input of the source of each link.
         events: Attacks that started or stopped, in order of time.
+        commands: What was commanded, by step; clock, DGUs and monitors before attacks.
         attachments: Documents in the bag by name.
         team: Designs and accusations of the team, None without.
     """
@@ -60,6 +62,7 @@ class Run:
     designs: Mapping[Link, DesignRecord]
     input_designs: Mapping[Link, DesignRecord]
     events: tuple[RelayEvent, ...]
+    commands: tuple[CommandEvent, ...]
     attachments: Mapping[str, bytes]
     team: TeamRecord | None
     _container: Container
@@ -105,6 +108,7 @@ class Run:
                 designs=self.designs,
                 input_designs=self.input_designs,
                 events=self.events,
+                commands=self.commands,
                 alarms=self._within(table.ALARMS, start, start + size),
                 attachments=self.attachments,
                 team=self.team and replace(self.team, alarms=self._within(table.ACCUSATIONS, start, start + size)),
@@ -154,6 +158,7 @@ def open_run(path: Path | str) -> Run:
         designs=_by_link([*said[table.DESIGN.key], *own_designs]),
         input_designs=_by_link(said.get(table.INPUT_DESIGN.key, [])),
         events=tuple(sorted((one for one in said[table.ATTACKS.key] if one.step < steps), key=lambda one: one.step)),
+        commands=_commands(container, topics, steps),
         attachments=container.attachments,
         team=team,
         _container=container,
@@ -262,6 +267,17 @@ def _documents(container: Container, topics: RunTopics) -> dict[str, list[Any]]:
             decoders |= _decoders(topics, row, found.setdefault(row.key, []))
     _decode(container, decoders)
     return found
+
+
+def _commands(container: Container, topics: RunTopics, steps: int) -> tuple[CommandEvent, ...]:
+    """What was commanded at complete steps, in order."""
+    found: list[CommandEvent] = []
+    for codec in (topics.commands(), topics.attack_commands()):
+        said: list[CommandEvent] = []
+        if codec.topic.name in container.topics:
+            _decode(container, {codec.topic.name: partial(_into, said, codec.decode)})
+        found += sorted(said, key=lambda one: one.number)
+    return tuple(sorted((one for one in found if one.step < steps), key=lambda one: one.step))
 
 
 def _decoders(topics: RunTopics, row: Row[Any], records: list[Any]) -> dict[str, Callable[[bytes], None]]:

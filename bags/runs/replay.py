@@ -40,7 +40,8 @@ def replay(run: RunRecord | Path | str, overrides: Sequence[str] = (), *, redesi
     Args:
         run: A recorded run, or its bag.
         overrides: Changes of the scenario's monitor section, "monitor.observer.kind=value" and the like. Without any,
-            every residual comes out as recorded, bit for bit.
+            every residual comes out as recorded, bit for bit. With some, what was commanded to detectors by hand is
+            left out: it was meant for the recorded ones.
         redesign: Whether to design everything anew; else what was designed with the same settings runs as recorded.
 
     Returns:
@@ -76,7 +77,7 @@ def replay_windows(
             alarm = np.zeros(len(window.links), dtype=np.bool_)
             own_alarm = np.zeros(len(prepared.topics.monitors), dtype=np.bool_)
         lying = prepared.spoofed.rows(window.streams, window.first_step, window.steps)
-        outputs, fields = prepared.watch.follow(window, lying)
+        outputs, fields = prepared.watch.follow(window, lying, {} if overrides else window.given)
         alarms = link_alarms(outputs, alarm, window.first_step, window.links)
         if prepared.topics.combined is not None and fields is not None:
             alarms += local_alarms(fields, own_alarm, window.first_step, prepared.topics.combined)

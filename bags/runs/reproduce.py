@@ -18,6 +18,7 @@ from bags.watch.designs import design_scenario
 from bags.wire import table
 from bags.wire.origin import SCENARIO_ATTACHMENT, VERSIONS_ATTACHMENT
 from bags.wire.plugins import check_plug_ins
+from dgu_sim.commands import AttackCommand
 from dgu_sim.relay import Action, Origin
 from dgu_sim.scenario import Scenario, parse_scenario
 
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 
     from dgu_sim.relay import RelayEvent
 
-__all__ = ["Reproduction", "by_hand", "reproduce", "steered"]
+__all__ = ["Reproduction", "reproduce", "steered"]
 
 _ANYWAY = "anyway"
 
@@ -67,13 +68,14 @@ class Reproduction:
         }
 
 
-def by_hand(run: Run) -> bool:
-    """Whether somebody started or stopped an attack while the run went on."""
-    return any(event.origin is Origin.SERVICE for event in run.events)
+def _untold(run: Run) -> bool:
+    """Whether somebody started or stopped an attack while the run went on, and no command in the bag tells of it."""
+    told = any(isinstance(one.command, AttackCommand) for one in run.commands)
+    return not told and any(event.origin is Origin.SERVICE for event in run.events)
 
 
 def steered(path: Path | str) -> Scenario:
-    """The scenario of a run as it went: what was started and stopped by hand is scheduled, and it ends where it ended.
+    """The scenario of a run as it went: all commands are its script, and it ends where it ended.
 
     Raises:
         BagError: The bag is none of a run, or what was done cannot be told in a scenario: one line.
@@ -105,7 +107,7 @@ def reproduce(path: Path | str, out: Path | str, progress: Callable[[int], None]
     end_ns = run.steps * run.topics.sampling_period_ns  # what is there of a step that broke off does not count
     recorded, again = _digests(path, end_ns), _digests(out, end_ns)
     left_out = {}
-    if by_hand(run):
+    if _untold(run):
         left_out[table.ATTACKS.name] = "it tells who asked for an attack"
     for topic in recorded.keys() - again.keys():
         left_out.setdefault(topic, "no simulation makes it")
@@ -136,13 +138,17 @@ def _steered(run: Run) -> Scenario:
     source = f"{run.path}/{SCENARIO_ATTACHMENT}"
     given = parse_scenario(text.decode(), source)
     period_sec = given.sampling_period_sec
+    script = [{"step": one.step, **one.command.document()} for one in run.commands]
+    length = f"duration_sec={run.steps * period_sec!r}"
+    if not _untold(run):
+        return parse_scenario(text.decode(), source, (f"script={json.dumps(script)}", length))
     attacks = [attack.model_dump(mode="json") for attack in given.attacks]
     for number, events in groupby(sorted(run.events, key=lambda one: one.attack), key=lambda one: one.attack):
         told = list(events)
         if number > len(attacks):
             attacks.append(_started(told, period_sec))
         _stop(run, attacks[number - 1], told, period_sec)
-    changes = (f"attacks={json.dumps(attacks)}", f"duration_sec={run.steps * period_sec!r}")
+    changes = (f"attacks={json.dumps(attacks)}", f"script={json.dumps(script)}", length)
     return parse_scenario(text.decode(), source, changes)
 
 

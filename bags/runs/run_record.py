@@ -15,8 +15,10 @@ from bags.wire.arrays import Arrays, group
 from bags.wire.origin import SCENARIO_ATTACHMENT, VERSIONS_ATTACHMENT
 from bags.wire.records import AlarmRecord, DesignRecord, HistoryRecord, SecondRecord, StreamRecord
 from bags.wire.schema import RunTopics
+from dgu_sim.commands import Command
 from dgu_sim.grid import Link
 from dgu_sim.relay import Action, RelayEvent
+from dgu_sim.script import CommandEvent
 from monitor.measures import spans
 
 
@@ -40,6 +42,7 @@ class RunRecord:
         streams: Faults of the streams of messages that appeared or ended at these steps, in order of time.
         seconds: Messages of second publishers of these steps, in the order of the bag.
         input_designs: What estimates the input of the source of each link; empty without plausibility tests.
+        commands: What was commanded anywhere in the run, by step.
     """
 
     path: Path
@@ -56,6 +59,7 @@ class RunRecord:
     streams: tuple[StreamRecord, ...] = ()
     seconds: tuple[SecondRecord, ...] = ()
     input_designs: Mapping[Link, DesignRecord] = field(default_factory=dict)
+    commands: tuple[CommandEvent, ...] = ()
 
     @property
     def x(self) -> NDArray[np.float64]:
@@ -179,6 +183,15 @@ class RunRecord:
     def versions(self) -> bytes:
         """What computed it, versions.json; empty when the bag does not say."""
         return self.attachments.get(VERSIONS_ATTACHMENT, b"")
+
+    @property
+    def given(self) -> dict[int, list[Command]]:
+        """What was commanded from these steps on, by row."""
+        found: dict[int, list[Command]] = {}
+        for one in self.commands:
+            if self.first_step <= one.step < self.end_step:
+                found.setdefault(one.step - self.first_step, []).append(one.command)
+        return found
 
     def attack_intervals(self, link: Link, end: int | None = None) -> tuple[tuple[int, int], ...]:
         """Steps [start, stop) of the attacks on a link, by start.

@@ -78,7 +78,7 @@ def _at_once(
     if not (np.isfinite(following).all() and np.isfinite(residual).all()):
         return None
     learned, verdict = judge(monitor.detector, state.detector, residual)
-    return MonitorState(following, learned), np.asarray(estimate.estimate), residual, verdict
+    return MonitorState(following, learned, state.judging), np.asarray(estimate.estimate), residual, verdict
 
 
 def judge(detector: Detector[Any], state: Any, residual: NDArray[np.float64]) -> tuple[Any, Verdict]:  # noqa: ANN401 - as the detector's

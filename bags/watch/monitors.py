@@ -67,6 +67,12 @@ class MonitorArrays:
         )
 
 
+def joined(parts: Sequence[MonitorArrays]) -> MonitorArrays:
+    """Consecutive steps in one."""
+    names = [one.name for one in fields(MonitorArrays)]
+    return MonitorArrays(**{name: np.concatenate([getattr(part, name) for part in parts]) for name in names})
+
+
 @dataclass(frozen=True, slots=True, kw_only=True)
 class RunMonitors:
     """The monitors of all links of a run.

@@ -5,6 +5,7 @@ from pathlib import Path
 
 from pydantic_core import PydanticCustomError
 
+from bags.watch.orders import check_script
 from bags.watch.team_checks import check_team
 from bags.wire.settings import settings_of
 from dgu_sim import plausible
@@ -60,6 +61,7 @@ def check_scenario(scenario: Scenario, source: str, overrides: Sequence[str] = (
     settings = settings_of(scenario, source, overrides)
     try:
         _check_attacks(scenario, settings)
+        check_script(scenario, settings)
         check_team(scenario, settings.team)
         _check_combined(scenario, settings)
     except PydanticCustomError as error:

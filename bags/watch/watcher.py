@@ -7,6 +7,7 @@ fed with the same numbers as a node and have the same bits.
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from itertools import pairwise
 from typing import NamedTuple, Protocol
 
 import numpy as np
@@ -14,8 +15,11 @@ from numpy.typing import NDArray
 
 from bags.watch.combined_arrays import CombinedFields, fields_of
 from bags.watch.designs import RunDesigns
-from bags.watch.monitors import MonitorArrays, RunMonitors, monitors_of
+from bags.watch.monitors import MonitorArrays, RunMonitors, joined, monitors_of
+from bags.watch.steering import Given, LaneSteering, steer_monitor
 from bags.wire.row import Widths
+from dgu_sim.commands import Command
+from dgu_sim.script import CommandEvent
 from monitor.combined import DguMonitor, DguOutput, DguState, Own, Received
 from monitor.linear import Component, Flag
 from monitor.link_monitor import MonitorOutput, MonitorState
@@ -75,6 +79,7 @@ class Watcher:
     _rows: list[list[DguOutput]] = field(init=False)
     _lanes: RunMonitors | None = None
     _lane_states: tuple[MonitorState, ...] = ()
+    _steering: LaneSteering = field(init=False)
 
     def __post_init__(self) -> None:
         """Start all monitors."""
@@ -84,6 +89,7 @@ class Watcher:
         self._incoming = [[at for at, link in enumerate(links) if link.target == one] for one in monitors]
         self._own = [topics.dgus.index(one) for one in monitors]
         self._rows = []
+        self._steering = LaneSteering(links)
         if topics.combined is None:
             self._lanes = monitors_of(self.designs)
             self._lane_states = self._lanes.init()
@@ -101,8 +107,11 @@ class Watcher:
         received: NDArray[np.float64],
         delivered: NDArray[np.bool_],
         spoofed: Sequence[int] = (),
+        *,
+        commands: Sequence[CommandEvent] = (),
     ) -> NDArray[np.bool_]:
         """Step all monitors; see `dgu_sim.simulate.Respond`."""
+        self.steer([one.command for one in commands])
         outputs = self.step(sent, reference, received, delivered, [at in spoofed for at in range(delivered.shape[1])])
         dropped = np.zeros(delivered.shape, dtype=np.bool_)
         for incoming, output in zip(self._incoming, outputs, strict=True):
@@ -111,6 +120,17 @@ class Watcher:
         if self.runs == 1:
             self._rows.append(outputs)
         return dropped
+
+    def steer(self, commands: Sequence[Command]) -> None:
+        """Let commands act on the monitors from the next step on."""
+        topics = self.designs.topics
+        for command in commands:
+            if self._lanes is not None:
+                self._lane_states = self._steering.take(command, self._lanes, self._lane_states)
+                continue
+            for number, (monitor, dgu) in enumerate(zip(self._monitors, topics.monitors, strict=True)):
+                state = self._states[number]
+                self._states[number] = steer_monitor(monitor, state, dgu, topics.sources(dgu), command)
 
     def step(
         self,
@@ -148,22 +168,37 @@ class Watcher:
             outputs.append(output)
         return outputs
 
-    def follow(self, seen: Seen, spoofed: Mapping[int, Sequence[int]]) -> Conclusions:
+    def follow(self, seen: Seen, spoofed: Mapping[int, Sequence[int]], given: Given | None = None) -> Conclusions:
         """Take consecutive steps of one run that is over: links alone in blocks, everything together step by step.
 
         Args:
             seen: What happened.
             spoofed: By row, positions of the links whose stream was not one publisher's in order.
+            given: Commands by the row from which on they act; None: there are none.
         """
+        given = {} if given is None else given
         if self._lanes is not None:
-            self._lane_states, links = self._lanes.run(self._lane_states, seen.received, seen.delivered, seen.u)
-            return Conclusions(links=links, combined=None)
+            return Conclusions(links=self._follow_lanes(self._lanes, seen, given), combined=None)
         for row in range(len(seen.delivered)):
+            self.steer(given.get(row, ()))
             y, y_c = seen.y[row].T[:, None], seen.received[row].T[:, None]
             u, arrived = None if seen.u is None else seen.u[row].T[:, None], seen.delivered[row][None]
             lying = [at in spoofed.get(row, ()) for at in range(arrived.shape[1])]
             self._rows.append(self.step(y, seen.reference[row][None], y_c, arrived, lying, u=u))
         return self.take()
+
+    def _follow_lanes(self, lanes: RunMonitors, seen: Seen, given: Given) -> MonitorArrays:
+        """Take steps in one go, or in several between commands."""
+        parts = []
+        for start, end in pairwise([0, *sorted(given.keys() - {0}), len(seen.delivered)]):
+            self.steer(given.get(start, ()))
+            u = None if seen.u is None else seen.u[start:end]
+            self._lane_states, part = lanes.run(
+                self._lane_states, seen.received[start:end], seen.delivered[start:end], u
+            )
+            self._steering.overrule(part)
+            parts.append(part)
+        return parts[0] if len(parts) == 1 else joined(parts)
 
     def take(self) -> Conclusions:
         """What was said since the last call, of one run."""

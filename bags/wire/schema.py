@@ -11,10 +11,12 @@ from bags.mcap.topic import Topic, TopicKind
 from bags.mcap.typestore import Definitions
 from bags.wire import table
 from bags.wire.codecs import AlarmCodec, ClockCodec, StepCodec
+from bags.wire.commands import CommandEventCodec
 from bags.wire.documents import AttackEventCodec, DesignCodec, DiagnosticsCodec, HistoryCodec
 from bags.wire.row import Codec_co, Need, Over, Row, Spot, Widths, at
 from bags.wire.settings import settings_of
 from bags.wire.stream import StreamCodec
+from dgu_sim.commands import AttackCommand, Command
 from dgu_sim.grid import Link
 from dgu_sim.matrices import INPUTS, STATES
 
@@ -267,6 +269,18 @@ class RunTopics:
     def stream(self, monitor: int) -> StreamCodec:
         """Appearing and ending faults of the streams into a DGU."""
         return self.codec(table.STREAM, monitor)
+
+    def commands(self) -> CommandEventCodec:
+        """Commands that took effect; in a bag, a topic that is announced with the first one."""
+        return self.codec(table.COMMANDS, 0)
+
+    def attack_commands(self) -> CommandEventCodec:
+        """Commands on attacks; announced with the first one, too."""
+        return self.codec(table.ATTACK_COMMANDS, 0)
+
+    def command_codec(self, command: Command) -> CommandEventCodec:
+        """Of the topic on which a command is told."""
+        return self.attack_commands() if isinstance(command, AttackCommand) else self.commands()
 
     def attack_events(self) -> AttackEventCodec:
         """Starting and ending attacks."""

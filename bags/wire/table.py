@@ -11,6 +11,7 @@ from typing import Any
 from bags.mcap.topic import TopicKind
 from bags.wire import forms
 from bags.wire.codecs import AlarmCodec, ClockCodec, StepCodec
+from bags.wire.commands import CommandEventCodec
 from bags.wire.documents import AttackEventCodec, DesignCodec, DiagnosticsCodec, HistoryCodec
 from bags.wire.row import Need, Over, Row
 from bags.wire.stream import StreamCodec
@@ -196,6 +197,29 @@ SECOND = Row(
     form=forms.OUTPUT,
     listed=False,
 )
+COMMANDS = Row(
+    key="commands",
+    name="/commands/events",
+    type_name="dcmg_msgs/msg/CommandEvent",
+    codec=CommandEventCodec.at,
+    over=Over.RUN,
+    publisher="clock",
+    says="a command takes effect: clock, load, reference, detector, response",
+    readers=("dgu_{all}", "monitor_{all}"),
+    kind=TopicKind.EVENT,
+    listed=False,
+)
+ATTACK_COMMANDS = Row(
+    key="attack_commands",
+    name="/attacks/commands",
+    type_name="dcmg_msgs/msg/CommandEvent",
+    codec=CommandEventCodec.at,
+    over=Over.RUN,
+    publisher="attacker",
+    says="a command on attacks takes effect",
+    kind=TopicKind.EVENT,
+    listed=False,
+)
 ALARMS = Row(
     key="alarms",
     name="/dgu_{j}/alarms",
@@ -328,7 +352,7 @@ TEAM_DESIGN = Row(
 
 TABLE: tuple[Row[Any], ...] = (
     *(CLOCK, TICK, STATE, OUTPUT, OWN, RECEIVED, RESIDUAL, OWN_RESIDUAL, INPUT, VERDICT, ANNOUNCED, ESTIMATE),
-    *(SECOND, ALARMS, STREAM, ATTACKS, DIAGNOSTICS, ACCUSATIONS),
+    *(COMMANDS, ATTACK_COMMANDS, SECOND, ALARMS, STREAM, ATTACKS, DIAGNOSTICS, ACCUSATIONS),
     *(HISTORY, DESIGN, OWN_DESIGN, INPUT_DESIGN, GRID_HISTORY, TEAM_DESIGN),
 )
 

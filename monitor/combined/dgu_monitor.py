@@ -14,6 +14,7 @@ if TYPE_CHECKING:
 
     from monitor.combined.plausibility import InputOutput, InputState, PlausibilityTest
     from monitor.combined.response import Response
+    from monitor.judging import Judging
     from monitor.linear import Component, Flag, Vector
     from monitor.link_monitor import LinkMonitor, MonitorOutput, MonitorState
     from monitor.local import LocalModule, LocalOutput, LocalState
@@ -44,6 +45,7 @@ class DguState(NamedTuple):
     local: LocalState | None
     response: Vector
     voltages: tuple[Component, ...]  # own bus voltage at this step and before, newest first [V]
+    responds: bool = True  # unless switched off by hand
 
 
 class DguVerdict(NamedTuple):
@@ -127,12 +129,25 @@ class DguMonitor:
         )
         response, dropped = state.response, (*quiet,)
         if self.response is not None:
-            response, dropped = self.response.step(state.response, isolation.accused)
-        following = DguState(
-            tuple([one for one, _ in links]), tuple([one for one, _ in inputs]), local_state, response, voltages
+            response, left_out = self.response.step(state.response, isolation.accused)
+            dropped = left_out if state.responds else dropped
+        following = state._replace(
+            links=tuple([one for one, _ in links]),
+            inputs=tuple([one for one, _ in inputs]),
+            local=local_state,
+            response=response,
+            voltages=voltages,
         )
         verdict = DguVerdict(isolation, dropped)
         return following, DguOutput(tuple([output for _, output in links]), tuple(says), local, verdict)
+
+    def overruled(self, state: DguState, link: int, judging: Judging) -> DguState:
+        """State after something was said by hand about the detector of a link, by its place among `links`."""
+        return _with_link(state, link, state.links[link]._replace(judging=judging))
+
+    def recalibrated(self, state: DguState, link: int) -> DguState:
+        """State in which the detector of a link begins again."""
+        return _with_link(state, link, self.links[link].recalibrated(state.links[link]))
 
     def _local(
         self, state: LocalState | None, received: Sequence[Received], own: Own | None
@@ -156,6 +171,10 @@ class DguMonitor:
         return [
             explains(local.excess, conductance, *known) for conductance, known in zip(conductances, limits, strict=True)
         ]
+
+
+def _with_link(state: DguState, link: int, one: MonitorState) -> DguState:
+    return state._replace(links=(*state.links[:link], one, *state.links[link + 1 :]))
 
 
 def _voltage(sample: Received) -> Component:

@@ -49,6 +49,7 @@ USAGE = [
     ),
     (["bag", "export", BAG, "--out", "t", "--format", "parket"], "Did you mean parquet?"),
     (["run", SIX, "--rate", "0"], "--rate"),
+    (["run", SIX, "--set", "script=[{step: 5, command: load_set, dgu: 2, current_a: 1}]"], "script: 1 commands"),
     (["replay", BAG, "--publish", "--queue", "0"], "--queue"),
 ]
 SCENARIOS = [

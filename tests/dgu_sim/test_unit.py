@@ -9,7 +9,9 @@ import pytest
 from dgu_sim import settings as settings_module
 from dgu_sim.attacks import Attack, AttackContext
 from dgu_sim.attacks import registry as registry_module
+from dgu_sim.commands import AttackCommand
 from dgu_sim.linear import FloatArray
+from dgu_sim.obeying import obey
 from dgu_sim.records import Physical, Sample
 from dgu_sim.scenario import Scenario
 from dgu_sim.simulate import Block, relay_of, simulate
@@ -25,6 +27,13 @@ NOISY = (
     (
         "attacks=[{kind: bias, link: 1-2, start_sec: 2.5, stop_sec: 4, bias: [0.1, 0.1, 0.1]},"
         " {kind: losing, link: 3-4, start_sec: 3}, {kind: bias, link: 5-6, start_sec: 4.01, bias: [0, 1, 0]}]"
+    ),
+    (
+        "script=[{step: 100, command: load_set, dgu: 4, current_a: 9}, {step: 130, command: load_step, dgu: 1,"
+        " current_a: 2}, {step: 255, command: load_ramp, dgu: 4, current_a: -3, ramp_sec: 0.11}, {step: 300, command:"
+        " reference_set, dgu: 6, voltage_v: 47.3}, {step: 320, command: attack_start, kind: bias_random,"
+        " links: [6-1], parameters: {spread: [0.1, 0.1, 0.1]}, start_sec: 3.4, duration_sec: 1}, {step: 380, command:"
+        " attack_change, kind: scaling, links: [6-1], parameters: {gain: [1, 1.1, 1]}}]"
     ),
 )
 
@@ -56,7 +65,11 @@ def _units(scenario: Scenario) -> dict[str, FloatArray]:
     relay, relay_state = relay_of(scenario)
     states = [unit.init() for unit in units]
     rows: dict[str, list[object]] = {name: [] for name in ("x", "y", "load", "reference", "alpha", "received", "heard")}
-    for _ in range(scenario.steps):
+    for step in range(scenario.steps):
+        for command in scenario.orders.due(step):
+            states = [unit.steer(state, command) for unit, state in zip(units, states, strict=True)]
+            if isinstance(command, AttackCommand):
+                relay_state, _, _ = obey(relay, relay_state, command)
         outputs = [unit.output(state) for unit, state in zip(units, states, strict=True)]
         relay_state, samples, _ = relay.step(relay_state, [Sample(y=output.y) for output in outputs])
         felt = {
@@ -97,7 +110,7 @@ def _assert_same_bits(first: dict[str, FloatArray], second: dict[str, FloatArray
 
 @pytest.mark.parametrize("coupling", ["isolated", "held", "joint"])
 def test_units_one_run_and_seven_runs_agree_bit_for_bit(shipped: Callable[..., Scenario], coupling: str) -> None:
-    """With noise, random loads, lost samples and attacks on: nodes, simulate and a batch give the same numbers."""
+    """With noise, random loads, lost samples, attacks, commands: nodes, simulate and a batch give the same numbers."""
     off = ["secondary.enabled=false"] if coupling == "isolated" else []
     scenario = shipped("gallo_six_dgu", *NOISY, f"coupling={coupling}", *off)
     nodes = _units(scenario)

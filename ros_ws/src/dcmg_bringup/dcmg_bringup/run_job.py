@@ -113,8 +113,10 @@ def run_job(scenario: Scenario, out: Path, options: RunOptions, display: Display
 
     Raises:
         DomainError: no ROS domain id is free.
+        ScenarioError: the scenario has a script.
         HostsError: one of several hosts cannot take part.
     """
+    wiring = wiring_of(scenario)
     with ExitStack() as stack:
         fleet = None
         if options.hosts is not None:
@@ -125,7 +127,6 @@ def run_job(scenario: Scenario, out: Path, options: RunOptions, display: Display
         inner = stack.enter_context(inner_domain(domain, () if fleet is None else fleet.taken))
         os.environ.update(ros_environment(inner))
         display.say(f"other ROS programs join this run after: export ROS_DOMAIN_ID={domain}")
-        wiring = wiring_of(scenario)
         wiring.warm_up()
         gate = GateOptions(inner=inner, public=domain, folder=out / STRANGERS)
         node_options = NodeOptions(

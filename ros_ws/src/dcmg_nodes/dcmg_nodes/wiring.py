@@ -11,6 +11,7 @@ from bags.watch.team import plan_of
 from bags.wire.row import Need, named
 from bags.wire.schema import ATTACKER_NODE, CLOCK_NODE, dgu_name, monitor_name, topics_of
 from bags.wire.settings import settings_of
+from dgu_sim.errors import ScenarioError
 from dgu_sim.unit import unit_of
 
 if TYPE_CHECKING:
@@ -90,7 +91,16 @@ class Wiring:
 
 
 def wiring_of(scenario: Scenario) -> Wiring:
-    """Return the static graph of a scenario's run."""
+    """Return the static graph of a scenario's run.
+
+    Raises:
+        ScenarioError: the scenario has a script, which only a simulation obeys.
+    """
+    if scenario.script:
+        raise ScenarioError(
+            f"{scenario.name}: script: {len(scenario.script)} commands, expected none in a run over ROS 2, whose nodes "
+            "do not obey them yet: dcmg simulate does"
+        )
     dgus = tuple(dgu.id for dgu in scenario.dgus)
     topics = topics_of(scenario)
     digest = sha256(scenario.to_yaml().encode()).hexdigest()
