@@ -96,5 +96,5 @@ def test_lists_as_json(dcmg: Dcmg, words: tuple[str, ...], keys: set[str]) -> No
 
 
 def test_the_version_is_said(dcmg: Dcmg) -> None:
-    """`dcmg --version`: name and number."""
-    assert re.fullmatch(r"dcmg \d+\.\d+\.\d+\S*\n", dcmg("--version"))
+    """`dcmg --version`: name, number and what computes."""
+    assert re.fullmatch(r"dcmg \d+\.\d+\.\d+\S* \((\w+ kernels|numpy.*)\)\n", dcmg("--version"))
