@@ -11,7 +11,6 @@ MENDED: tuple[tuple[str, int], ...] = (
     ("delayed/best", 103421),
     ("delayed/best", 810008188),
     ("delayed/best", 674035456189),
-    ("delayed/best", 674035460305),
     ("delayed/bounded", 0),
     ("delayed/bounded", 101306),
     ("delayed/bounded", 830006074),
@@ -88,11 +87,9 @@ MENDED: tuple[tuple[str, int], ...] = (
     ("full_order/dual_lqr", 700000244),
     ("full_order/dual_lqr", 820011367),
     ("full_order/dual_lqr", 365844254362),
-    ("full_order/dual_lqr", 674035512132),
     ("full_order/max_sensitivity", 100380),
     ("full_order/max_sensitivity", 101032),
     ("full_order/max_sensitivity", 860029148),
-    ("full_order/max_sensitivity", 674035788032),
     ("full_order/max_sensitivity", 794187684264),
     ("full_order/minimum_norm", 13),
     ("full_order/minimum_norm", 18),
@@ -106,7 +103,6 @@ MENDED: tuple[tuple[str, int], ...] = (
     ("full_order/minimum_norm", 830000359),
     ("full_order/minimum_norm", 365844244243),
     ("full_order/minimum_norm", 365844339357),
-    ("full_order/minimum_norm", 674035424353),
     ("full_order/pole_placement", 100142),
     ("full_order/pole_placement", 100147),
     ("full_order/pole_placement", 102259),
@@ -121,9 +117,6 @@ MENDED: tuple[tuple[str, int], ...] = (
     ("full_order/pole_placement", 860031146),
     ("full_order/pole_placement", 870046028),
     ("full_order/pole_placement", 365844323256),
-    ("full_order/pole_placement", 365844379024),
-    ("full_order/pole_placement", 674035536259),
-    ("full_order/pole_placement", 674035642260),
     ("full_order/pole_placement", 674035701262),
     ("inputs/delayed", 5),
     ("inputs/delayed", 10),
@@ -139,7 +132,6 @@ MENDED: tuple[tuple[str, int], ...] = (
     ("inputs/delayed", 674035513449),
     ("inputs/delayed", 674035560100),
     ("inputs/delayed", 674035691446),
-    ("inputs/delayed", 674035880334),
     ("inputs/one_step", 103092),
     ("local", 5),
     ("local", 100220),
@@ -163,7 +155,6 @@ MENDED: tuple[tuple[str, int], ...] = (
     ("reduced_order/dual_lqr", 102400),
     ("reduced_order/dual_lqr", 860027283),
     ("reduced_order/dual_lqr", 365844233052),
-    ("reduced_order/dual_lqr", 674035581163),
     ("reduced_order/max_sensitivity", 101175),
     ("reduced_order/minimum_norm", 13),
     ("reduced_order/minimum_norm", 32),
@@ -174,7 +165,6 @@ MENDED: tuple[tuple[str, int], ...] = (
     ("reduced_order/minimum_norm", 201383),
     ("reduced_order/minimum_norm", 810039390),
     ("reduced_order/minimum_norm", 860010155),
-    ("reduced_order/minimum_norm", 674035687275),
     ("reduced_order/pole_placement", 7),
     ("reduced_order/pole_placement", 12),
     ("reduced_order/pole_placement", 100173),
@@ -188,10 +178,7 @@ MENDED: tuple[tuple[str, int], ...] = (
     ("reduced_order/pole_placement", 820009053),
     ("reduced_order/pole_placement", 830024286),
     ("reduced_order/pole_placement", 860038054),
-    ("reduced_order/pole_placement", 870030055),
-    ("reduced_order/pole_placement", 674035621170),
     ("reduced_order/pole_placement", 674035744403),
-    ("reduced_order/pole_placement", 674035812169),
     ("team", 1),
     ("team", 102463),
     ("team", 202463),
@@ -213,4 +200,8 @@ MENDED: tuple[tuple[str, int], ...] = (
 )
 
 # Known and not yet mended: `make test` does not fail for them, `make fuzz` does.
-OPEN: frozenset[tuple[str, int]] = frozenset()
+OPEN: frozenset[tuple[str, int]] = frozenset(
+    {
+        ("reduced_order/pole_placement", 870030055),  # right or not by the BLAS kernel: poles of 0.99999 on five states
+    }
+)
