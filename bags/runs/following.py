@@ -13,6 +13,7 @@ from bags.watch.designs import RunDesigns
 from bags.watch.histories import recorded_states
 from bags.watch.monitors import MonitorArrays, link_monitors
 from bags.watch.watcher import Watcher
+from dgu_sim.errors import ScenarioError
 from dgu_sim.linear import FloatArray
 from dgu_sim.scenario import Scenario
 from dgu_sim.simulate import BLOCK_STEPS, Block, simulate
@@ -89,7 +90,12 @@ def follow_many(scenario: Scenario, seeds: Sequence[int], block_steps: int = BLO
     Raises:
         BagError: A history cannot be read.
         monitor.errors.MonitorError: Unknown observer or detector, or options of theirs.
+        ScenarioError: The scenario has a script, whose commands these monitors would not obey.
     """
+    if scenario.script:
+        raise ScenarioError(
+            f"{scenario.name}: script: {len(scenario.script)} commands, expected none in many runs at once"
+        )
     monitors = link_monitors(scenario, len(seeds))
     states = monitors.init()
     for block in simulate(scenario, seeds, block_steps, recorded_states(scenario)):

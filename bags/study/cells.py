@@ -86,6 +86,9 @@ def cells_of(study: Study, source: str, scenario_path: Callable[[str], Path]) ->
             base = load_scenario(path, (*study.set, *condition.set, "attacks=[]"))
         except ScenarioError as error:
             raise StudyError(f"{source}: conditions.{position}.set: {error}") from error
+        if base.script:
+            told = f"{len(base.script)} commands, expected none: a study's monitors do not obey them"
+            raise StudyError(f"{source}: script of {study.scenario}: {told}")
         scenarios = {NO_ATTACK: base, **_attacked(study, base, source)}
         digest = _digest({attack: scenario.to_yaml() for attack, scenario in scenarios.items()})
         cells += [

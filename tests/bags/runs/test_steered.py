@@ -10,6 +10,7 @@ import pytest
 from bags.reporting.documents import run_document
 from bags.reporting.judged import judge
 from bags.reporting.timeline import gather
+from bags.runs.following import follow_many
 from bags.runs.offline import simulate_to_bag
 from bags.runs.reader import open_run, read_run
 from bags.runs.replay import replay
@@ -203,6 +204,13 @@ def test_an_order_that_does_not_fit_the_run_is_refused(scenario: Scenario) -> No
             order(scenario, data)
         assert message in str(refusal.value)
     assert order(scenario, {"command": "clock_pause"}) == COMMANDS["clock_pause"]()
+
+
+def test_many_runs_at_once_refuse_a_script() -> None:
+    """Their monitors would not obey it."""
+    steered_one = load_scenario(scenario_path("gallo_six_dgu"), (*SHORT, SCRIPT))
+    with pytest.raises(ScenarioError, match=r"script: 1[0-9] commands, expected none in many runs at once"):
+        next(follow_many(steered_one, [1, 2]))
 
 
 def test_a_run_without_commands_has_no_topic_of_them(tmp_path: Path) -> None:
