@@ -8,83 +8,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dgu_sim.attacker_knowledge import ScenarioKnowledge
+from dgu_sim.block import Block, Doubled, Rows, RunEvent
 from dgu_sim.cell import Cell, UnitState
 from dgu_sim.commands import AttackCommand, Command
 from dgu_sim.compiled import CompiledCell, compiled_cell
 from dgu_sim.errors import DguSimError
 from dgu_sim.linear import FloatArray
 from dgu_sim.obeying import obey
-from dgu_sim.plant import physical_of
-from dgu_sim.records import Physical, Sample
 from dgu_sim.relay import Relay, RelayEvent, RelayState
 from dgu_sim.scenario import Scenario
 from dgu_sim.script import CommandEvent, Commands, Teller
-from dgu_sim.settings import Accept
 from dgu_sim.unit import cell_of_all
+from dgu_sim.wiring import Wiring
 
 __all__ = ["Block", "Doubled", "Loop", "LoopState", "Respond", "RunEvent", "loop_of", "relay_of", "simulate"]
 
 BLOCK_STEPS = 1000
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class RunEvent:
-    """An attack event of one run; `run` is its index on the runs axis."""
-
-    run: int
-    event: RelayEvent
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Doubled:
-    """Two messages of one step on one link: what the link delivered, and what a second publisher sent.
-
-    Attributes:
-        step: The step.
-        position: The link, by its place among the links.
-        relayed: y of the first message, shape (runs, 3).
-        relayed_delivered: False where the link lost it, shape (runs,).
-        spoofed: y of the second message, shape (runs, 3).
-        spoofed_delivered: Shape (runs,).
-    """
-
-    step: int
-    position: int
-    relayed: FloatArray
-    relayed_delivered: NDArray[np.bool_]
-    spoofed: FloatArray
-    spoofed_delivered: NDArray[np.bool_]
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class Block:
-    """Consecutive steps of all runs.
-
-    Attributes:
-        first_step: Step of the first row.
-        x: True states, shape (steps, runs, DGUs, 3): V [V], I_t [A], v [V s].
-        y: Sent outputs, same shape and units.
-        load_current: I_L held over each step, shape (steps, runs, DGUs) [A].
-        reference: V_ref + alpha held over each step, same shape [V].
-        alpha: Secondary correction, same shape [V].
-        received: Received outputs as the receivers take them, shape (steps, runs, links, 3).
-        delivered: False where a link lost the sample, shape (steps, runs, links).
-        events: Attack events of these steps, in order of step.
-        doubled: Where a second publisher spoke, in order of step and link.
-        commands: What was commanded at these steps, in order.
-    """
-
-    first_step: int
-    x: FloatArray
-    y: FloatArray
-    load_current: FloatArray
-    reference: FloatArray
-    alpha: FloatArray
-    received: FloatArray
-    delivered: NDArray[np.bool_]
-    events: tuple[RunEvent, ...]
-    doubled: tuple[Doubled, ...] = ()
-    commands: tuple[CommandEvent, ...] = ()
 
 
 class Respond(Protocol):
@@ -202,7 +141,7 @@ class Loop:
     runs: int
     cell: Cell
     relay: Relay
-    _wiring: "_Wiring"
+    _wiring: Wiring
     _compiled: CompiledCell | None
     _given: Commands | None
 
@@ -217,7 +156,7 @@ class Loop:
         if self._compiled is not None and self._given is None:
             return self._run_compiled(self._compiled, state, steps, respond)
         wiring = self._wiring
-        buffer = _Buffer.empty(wiring, steps, self.runs)
+        buffer = Rows.empty(steps, self.runs, wiring.dgus, len(wiring.sources))
         cell_state, relay_state = state.cell, state.relay
         events: list[RelayEvent] = []
         doubled: list[Doubled] = []
@@ -330,7 +269,7 @@ def loop_of(
     given = scenario.orders if commands is None and scenario.script else commands
     cell = cell_of_all(scenario, runs)
     relay, relay_state = relay_of(scenario, runs, recorded, ready_sec)
-    wiring = _Wiring.of(scenario)
+    wiring = Wiring.of(scenario)
     compiled = compiled_cell(
         cell,
         len(runs),
@@ -341,153 +280,3 @@ def loop_of(
     )
     loop = Loop(runs=len(runs), cell=cell, relay=relay, _wiring=wiring, _compiled=compiled, _given=given)
     return loop, LoopState(step=0, cell=cell.init(), relay=relay_state)
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Buffer:
-    """Rows of one block while it fills, component before run so that a step's components are contiguous.
-
-    Attributes:
-        truth: V, I_t, v, I_L, V_ref + alpha, alpha; shape (steps, 6, runs, DGUs).
-        sent: y, shape (steps, 3, runs, DGUs).
-        received: y^c, shape (steps, 3, runs, links).
-        delivered: Shape (steps, runs, links).
-    """
-
-    truth: FloatArray
-    sent: FloatArray
-    received: FloatArray
-    delivered: NDArray[np.bool_]
-
-    @classmethod
-    def empty(cls, wiring: "_Wiring", steps: int, runs: int) -> "_Buffer":
-        dgus, links = wiring.dgus, len(wiring.sources)
-        return cls(
-            truth=np.empty((steps, 6, runs, dgus)),
-            sent=np.empty((steps, 3, runs, dgus)),
-            received=np.empty((steps, 3, runs, links)),
-            delivered=np.ones((steps, runs, links), dtype=np.bool_),
-        )
-
-    def block(
-        self,
-        first_step: int,
-        events: tuple[RunEvent, ...],
-        doubled: tuple[Doubled, ...],
-        commands: tuple[CommandEvent, ...],
-    ) -> Block:
-        def component_last(array: FloatArray) -> FloatArray:
-            return np.ascontiguousarray(np.moveaxis(array, 1, -1))
-
-        return Block(
-            first_step=first_step,
-            x=component_last(self.truth[:, :3]),
-            y=component_last(self.sent),
-            load_current=np.ascontiguousarray(self.truth[:, 3]),
-            reference=np.ascontiguousarray(self.truth[:, 4]),
-            alpha=np.ascontiguousarray(self.truth[:, 5]),
-            received=component_last(self.received),
-            delivered=self.delivered,
-            events=events,
-            doubled=doubled,
-            commands=commands,
-        )
-
-
-@dataclass(frozen=True, slots=True, kw_only=True)
-class _Wiring:
-    """Who hears whom, as array positions.
-
-    Attributes:
-        dgus: Number of DGUs.
-        sources: Position of the sending DGU of each link.
-        physical_slots: Position of the DGU in each slot of each DGU, shape (slots, DGUs).
-        link_slots: Position of the link in each slot of each DGU, shape (slots, DGUs).
-        wired: False where a DGU has fewer links than slots, shape (1, slots, DGUs).
-        accept: Which of two messages the receivers take.
-    """
-
-    dgus: int
-    sources: NDArray[np.intp]
-    physical_slots: NDArray[np.intp]
-    link_slots: NDArray[np.intp]
-    wired: NDArray[np.bool_]
-    accept: Accept
-
-    @classmethod
-    def of(cls, scenario: Scenario) -> "_Wiring":
-        grid = scenario.grid
-        position = {dgu: index for index, dgu in enumerate(grid.dgus)}
-        physical = [[position[other] for other in physical_of(grid, scenario.coupling, dgu)] for dgu in grid.dgus]
-        incoming = [[p for p, link in enumerate(scenario.links) if link.target == dgu] for dgu in grid.dgus]
-        return cls(
-            dgus=len(grid.dgus),
-            sources=np.array([position[link.source] for link in scenario.links], dtype=np.intp),
-            # An empty slot has coefficient 0: its own DGU brings nothing into a sum that is not there already.
-            physical_slots=_padded(physical, list(range(len(grid.dgus)))),
-            link_slots=_padded(incoming, [0] * len(grid.dgus)),
-            wired=_padded([[1] * len(own) for own in incoming], [0] * len(grid.dgus))[np.newaxis] > 0,
-            accept=scenario.receiver.accept,
-        )
-
-    def physical(self, truth: FloatArray) -> list[Physical]:
-        """Return what each slot feels, from one row of truth (6, runs, DGUs)."""
-        slots = truth.take(self.physical_slots, axis=-1)
-        return [
-            Physical(x=slots[:3, :, slot], load_current=slots[3, :, slot], reference=slots[4, :, slot])
-            for slot in range(len(self.physical_slots))
-        ]
-
-    def received(self, received: FloatArray, delivered: NDArray[np.bool_]) -> list[Sample]:
-        """Return what each slot receives, from one row (3, runs, links)."""
-        y = received.take(self.link_slots, axis=-1)
-        arrived = delivered.take(self.link_slots, axis=-1) & self.wired
-        return [Sample(y=y[:, :, slot], delivered=arrived[:, slot]) for slot in range(len(self.link_slots))]
-
-    def relay(
-        self,
-        relay: Relay,
-        state: RelayState,
-        sent: FloatArray,
-        received: FloatArray,
-        delivered: NDArray[np.bool_],
-    ) -> tuple[RelayState, tuple[RelayEvent, ...]]:
-        """Relay one row: copy what passes untouched at once, then write the samples that an attack replaced."""
-        sent.take(self.sources, axis=-1, out=received)
-        outputs = [Sample(y=sent[:, :, dgu]) for dgu in range(self.dgus)]
-        following, samples, events = relay.step(state, outputs)
-        for position, (source, sample) in enumerate(zip(relay.sources, samples, strict=True)):
-            if sample is not outputs[source]:
-                received[0, :, position], received[1, :, position], received[2, :, position] = sample.y
-                delivered[:, position] = sample.delivered
-        return following, events
-
-    def spoof(
-        self, step: int, state: RelayState, received: FloatArray, delivered: NDArray[np.bool_]
-    ) -> Iterator[Doubled]:
-        """Keep both messages of each spoofed link, and write the one that is taken into its row (3, runs, links)."""
-        for position, sample in state.spoofed:
-            spoofed = np.stack(np.broadcast_arrays(*sample.y, received[0, :, position])[:-1], axis=-1)
-            arrived = np.broadcast_to(sample.delivered, spoofed.shape[:1]).copy()
-            relayed = np.array(received[:, :, position].T, order="C")  # a copy: the row may be overwritten below
-            yield Doubled(
-                step=step,
-                position=position,
-                relayed=relayed,
-                relayed_delivered=delivered[:, position].copy(),
-                spoofed=spoofed,
-                spoofed_delivered=arrived,
-            )
-            if self.accept is Accept.NEWEST:
-                received[:, :, position] = spoofed.T
-                delivered[:, position] = arrived
-
-
-def _padded(positions: Sequence[Sequence[int]], filler: Sequence[int]) -> NDArray[np.intp]:
-    """Return slot by DGU positions, empty slots filled with one position for each DGU."""
-    slots = max(len(own) for own in positions)
-    rows = [
-        [own[slot] if slot < len(own) else fill for own, fill in zip(positions, filler, strict=True)]
-        for slot in range(slots)
-    ]
-    return np.array(rows, dtype=np.intp).reshape(slots, len(positions))

@@ -72,3 +72,4 @@ def test_a_thousand_runs(engine: str, loads: str, overrides: list[str]) -> None:
     found = json.loads(done.stdout)
     factors = "  ".join(f"{name} {found['peer'] / found[key]:5.1f} x" for name, key in PARTS)
     print(f"\n{engine:8} {loads:20} {factors}  of dlsim's {found['peer']:.1f} s; {found['MB']:.0f} MB", end="")  # noqa: T201
+    assert found["peer"] > found["none"], "slower than a plant alone that is given its inputs"
