@@ -23,4 +23,4 @@ dcmg paper which-observer --out "$made" >"$made/log"
 cp "$made/which_observer.png" docs/images/which_observer.png
 python -m dcmg.papers.noise_methods "$made" >"$made/log"
 cp "$made/noise_methods.png" docs/images/noise_methods.png
-python tests/dcmg/page/pictures.py docs/images >"$made/log"
+python -m tests.dcmg.page.pictures docs/images >"$made/log"

@@ -96,7 +96,7 @@ def _local_cluster(where: str) -> LocalCluster:
         threads_per_worker=1,
         processes=True,
         host="127.0.0.1",
-        dashboard_address=None,
+        dashboard_address="127.0.0.1:0",  # not 8787, which another cluster may have
         silence_logs=logging.CRITICAL,
         preload=[__name__],
     )

@@ -94,7 +94,7 @@ class Pace:
             with self._changed:
                 while not self._closed:
                     self._changed.wait(self._turn())
-        except Exception as error:
+        except Exception as error:  # whoever looks is told; the traceback is ours
             self.fault = f"{type(error).__name__}: {error}"
             self.version += 1
             raise

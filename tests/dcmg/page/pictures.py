@@ -1,38 +1,23 @@
-"""The pictures of the page, and the animation of an attack: `python tests/dcmg/page/pictures.py FOLDER`."""
+"""The pictures of the page, and the animation of an attack: `python -m tests.dcmg.page.pictures FOLDER`."""
 
 from __future__ import annotations
 
 import io
 import re
 import shutil
-import subprocess
 import sys
-from contextlib import contextmanager
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import numpy as np
 from PIL import Image
 from playwright.sync_api import Page, expect, sync_playwright
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
+from tests.dcmg.page.serving import serving_page
 
 OPTIONS = ("--no-sandbox", "--disable-gpu", "--no-first-run", "--disable-background-networking", "--disable-sync")
 # a grid whose monitors have noise to live with, so that a residual is something to look at
 NOISY = ("--set", "noise={kind: gaussian, std: [0.01, 0.01, 0.001]}", "--set", "attacks=[]", "--paused")
 FRAMES, FRAME_MS, STEPS_A_FRAME = 44, 160, 14
-
-
-@contextmanager
-def _serving(*words: str) -> Iterator[str]:
-    command = [sys.executable, "-m", "dcmg", "page", *words, "--no-browser"]
-    with subprocess.Popen(command, stdout=subprocess.PIPE, text=True) as process:
-        assert process.stdout is not None
-        try:
-            yield process.stdout.readline().strip()
-        finally:
-            process.terminate()
 
 
 def _step(page: Page, steps: int) -> None:
@@ -112,7 +97,7 @@ def main(folder: Path) -> None:
     with sync_playwright() as playwright:
         browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=OPTIONS)
         for make in (_stills, _animation):
-            with _serving("gallo_six_dgu", *NOISY) as address:
+            with serving_page("gallo_six_dgu", *NOISY) as address:
                 page = browser.new_page()
                 make(page, address, folder)
                 page.close()
